@@ -39,6 +39,7 @@ def program_version() -> str:
 
 
 ANSWER_S: Final = 5.0  # in which a scheduler must answer
+_SILENT_S: Final = 60.0  # in which a worker must say its version
 OWN: Final = "capsule_own_"  # modules of a user's files, which a worker gets with the work
 
 
@@ -104,17 +105,19 @@ def packed(function: Callable[..., Any], *inputs: Any) -> Callable[[], Any]:
     return work
 
 
-def same_program(client: Any) -> None:
-    """Raises ValueError where a worker has another version of this program, or none."""
+def same_program(client: Any) -> bool:
+    """Whether all workers answer in time. Raises ValueError where one has another version of this program, or none."""
     own = program_version()
     try:
-        found = client.run(packed(program_version), on_error="return")
+        # one that is silent is not waited for: its rows say their version
+        found = client.sync(client._run, packed(program_version), on_error="return", callback_timeout=_SILENT_S)
     except OSError:
-        return
+        return False
     for worker, got in found.items():
         if got != own:
             other = got if isinstance(got, str) else f"{type(got).__name__}: {got}"
             raise ValueError(f"--scheduler must have workers with this program, {own}; {worker} answers {other}")
+    return True
 
 
 def connected(address: str) -> Any:

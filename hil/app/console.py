@@ -22,7 +22,7 @@ from models.words.sentences import Sentences
 TEXT: Final = Sentences(__file__)
 WIDTH = 110  # characters, where there is no terminal
 QUIET_S = 10.0  # Off a terminal, a stage that lasts prints a line after this time
-_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 _STEPS = 100_000  # of a bar
 _FIRST_SHARE = 0.02  # of the work, before the remaining time is estimated
 
@@ -32,7 +32,9 @@ class InterruptionError(Exception):
 
 
 def printable(text: str) -> str:
-    """A text with the code points of characters that command a terminal or reverse the direction of writing."""
+    """A text with the code points of characters that are no text, command a terminal or reverse the direction of
+    writing.
+    """
     return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 

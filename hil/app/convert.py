@@ -17,6 +17,7 @@ from hil.log.record import file_channels
 from hil.log.rig_record import read_rig_record
 from models.files.toml import check_word
 from models.files.units import split_unit, unit_of
+from models.records.clock import in_order, left_out
 from models.records.record import as_measured
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
@@ -24,6 +25,7 @@ from models.rigs.rig import Rig
 
 _SHOWN: Final = 8  # columns in a line
 _TABLES: Final = (".csv", ".csv.gz")
+_ROWS: Final = (*_TABLES, ".parquet")
 ENDINGS: Final = (*_TABLES, *WRITTEN)
 
 
@@ -89,10 +91,21 @@ def _converted(path: Path, out: Path, rig: Rig | None) -> Converted:
     if rig is None:
         notes: list[str] = []
         channels = file_channels(path, notes.append)
+        if out.name.lower().endswith(_ROWS):
+            channels = [_rising(one, notes) for one in channels]
         return Converted(path, out, channels, tuple(notes))
     record = read_rig_record(path, rig)
     channels = [Channel(Heading(name, unit_of(name)), values) for name, values in as_measured(record).items()]
     return Converted(path, out, channels, record.said)
+
+
+def _rising(channel: Channel, notes: list[str]) -> Channel:
+    """A channel without single samples whose stamps do not fit between the others, which the rows of a table do."""
+    if channel.time_s is None or (kept := in_order(channel.time_s)[0]).all():
+        return channel
+    name, times = channel.heading.name, channel.time_s
+    notes.append(left_out("stamps_astray", name, times[~kept], len(times)).sentence)
+    return Channel(channel.heading, channel.values[kept], times[kept])
 
 
 def _content(one: Converted) -> bytes:

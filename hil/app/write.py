@@ -24,7 +24,8 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
     waiting: list[tuple[Path, Path]] = []
     try:
         for path, content in contents.items():
-            waiting.append((draft(path, content.encode() if isinstance(content, str) else content), path))
+            data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
+            waiting.append((draft(path, data), path))
         for temporary, path in waiting:
             temporary.replace(path)
     finally:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hil.own_process import error_text
 from models.files.access import opened
 from models.files.csv_reader import MOST_CELLS
+from models.records.clock import in_order
 from models.rigs.columns import TIME, TIME_SERIES_ROWS
 
 Array = NDArray[np.float64]
@@ -151,10 +152,18 @@ def one_table(channels: Sequence[Channel]) -> dict[str, Array]:
     if any(channel.time_s is None and channel.heading.name != TIME for channel in channels):
         raise RefusedError("columns without a clock must not stand beside channels with one: give --rig or --kind")
     groups = by_clock(channels)
-    times = np.unique(np.concatenate([time_s for _, time_s, _ in groups]))
+    for _, time_s, (channel, *_) in groups if len(groups) > 1 else ():
+        kept, back = in_order(time_s)
+        if back or not kept.all():
+            row = back[0] if back else int(np.argmin(kept))
+            raise RefusedError(
+                f"stamps of {channel.heading.name} must rise to stand in one table with other clocks; got"
+                f" {time_s[row]:.6g} s at sample {row + 1}: give --rig or --kind, or an OUT that ends in .mf4 or .mcap"
+            )
+    times = np.unique(np.concatenate([t for _, t, _ in groups])) if len(groups) > 1 else groups[0][1]
     columns = {TIME: times}
     for _, time_s, members in groups:
-        at = np.searchsorted(times, time_s)
+        at = np.searchsorted(times, time_s) if len(groups) > 1 else slice(None)
         for channel in members:
             column = np.full(times.shape, np.nan)
             column[at] = channel.values

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,6 +18,8 @@ _UNNAMED = "record"
 def read(path: Path, pick: Pick) -> list[Channel]:
     """The fields of messages that `pick` takes, at the times when they were published or stamped."""
     library("mcap.reader", EXTRA)
+    with suppress(RefusedError):  # loads all that decodes ROS 2, before other files are closed off
+        decoder_of("a/msg/A", "bool x")(bytes([0, 1, 0, 0, 1]))
     return channels_of(lambda: _messages(path), pick)
 
 
@@ -42,16 +45,20 @@ def _decoder(schema: Any, channel: Any) -> Callable[[bytes], Any]:
 
 
 def write(path: Path, channels: Sequence[Channel]) -> None:
-    """Write channels as JSON messages with schemas: one topic per group and clock, one message per sample."""
+    """Write channels as JSON messages with schemas: one topic per group and clock, one message per sample. Times are
+    later by whole seconds where one is negative, which the format has not.
+    """
+    groups = by_clock(channels)
+    late = -min((math.floor(time_s.min()) for _, time_s, _ in groups if time_s.size), default=0)
     with path.open("wb") as file:
         topics = McapTopics(file)
-        for number, (group, time_s, members) in enumerate(by_clock(channels)):
+        for number, (group, time_s, members) in enumerate(groups):
             topic = group or (_UNNAMED if not number else f"{_UNNAMED}_{number}")
             names = [c.heading.name.removeprefix(f"{topic}/") for c in members]
             topics.add(topic, {name: c.heading.unit for name, c in zip(names, members, strict=True)})
             rows = zip(*(c.values.tolist() for c in members), strict=True)
             for at, row in zip(time_s.tolist(), rows, strict=True):
-                topics.write(topic, max(round(at * 1e9), 0), dict(zip(names, row, strict=True)))
+                topics.write(topic, round((at + max(late, 0)) * 1e9), dict(zip(names, row, strict=True)))
         topics.finish()
 
 

@@ -28,7 +28,7 @@ def _opened(path: Path) -> Iterator[Any]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with opened(path, "record") as content, asammdf.MDF(content, process_bus_logging=False) as file:
-            for one in getattr(file, "attachments", ()):
+            for one in file.attachments if file.version >= "4.00" else ():
                 if not one.flags & _EMBEDDED:
                     raise outside(f"an attachment in the file {one.file_name}")
             yield file

@@ -111,7 +111,9 @@ def read(path: Path, pick: Pick) -> list[Channel]:
 
 
 def _check_part(part: Path) -> None:
-    """Refuse whatever may lead outside the bag: links, names that are addresses for SQLite, computed tables."""
+    """Refuse whatever may lead outside the bag: links, names that are addresses for SQLite, computed tables; and a
+    clock that begins again, by which the library would sort.
+    """
     if part.is_symlink():
         raise outside(f"{part.name} in {part.readlink()}")
     check_source(part, "part of a bag")
@@ -121,8 +123,14 @@ def _check_part(part: Path) -> None:
         with closing(sqlite3.connect(f"file:{part}?mode=ro&immutable=1", uri=True)) as tables:
             computed = "type IN ('view', 'trigger') OR sql LIKE 'CREATE VIRTUAL%'"
             found = tables.execute(f"SELECT name FROM sqlite_master WHERE {computed}").fetchone()
-        if found:
-            raise RefusedError(f"bag must hold plain tables; got {found[0]}, which is computed, in {part.name}")
+            if found:
+                raise RefusedError(f"bag must hold plain tables; got {found[0]}, which is computed, in {part.name}")
+            stamps = tables.execute("SELECT topic_id, 1e-9 * timestamp, id FROM messages ORDER BY id").fetchall()
+        topics, times, rows = np.array(stamps, dtype=float).reshape(-1, 3).T
+        for topic in np.unique(topics):
+            if again := in_order(times[topics == topic])[1]:
+                row = int(rows[topics == topic][again[0]])
+                raise RefusedError(f"clock of a bag must not begin again; it does at message {row}: cut it there")
 
 
 def _messages(path: Path) -> Iterator[Message]:

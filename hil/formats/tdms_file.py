@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from hil.formats.channels import Channel, Heading, Pick, alone, library, numbers, own_names
+from hil.formats.channels import Channel, Heading, Pick, RefusedError, alone, library, numbers, own_names
 
 EXTRA = "tdms"
 _UNITS: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit")
@@ -16,6 +16,8 @@ def read(path: Path, pick: Pick) -> list[Channel]:
     """The channels of numbers and of times that `pick` takes; waveforms have clocks."""
     nptdms = library("nptdms", EXTRA)
     with alone(path) as content, nptdms.TdmsFile.open(content) as file:
+        if file.file_status.incomplete_final_segment:
+            raise RefusedError("file must be whole; its last segment is cut off")
         every = [(group.name, one) for group in file.groups() for one in group.channels()]
         parts = [(group, one) for group, one in every if len(one) and np.dtype(one.dtype).kind in "iufbM"]
         names = own_names([(group, one.name) for group, one in parts])

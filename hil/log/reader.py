@@ -4,10 +4,12 @@ An MF4 file, which needs asammdf, is read in a separate process, so that a damag
 """
 
 import io
+import logging
 import re
 import warnings
 from collections.abc import Iterator
 from importlib import reload
+from itertools import islice
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -69,8 +71,28 @@ def library_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
         raise ValueError(
             f"{path}: log must be one in the format that its name ends in; got: {error_text(error, 160)}"
         ) from None
-    with reader:
-        yield from _frames(reader, path, round(late * 1e9))
+    unread, count = _Unread(), 0
+    logging.getLogger("can").addHandler(unread)
+    try:
+        with reader:
+            for count, frame in enumerate(_frames(reader, path, round(late * 1e9)), 1):  # noqa: B007
+                yield frame
+    finally:
+        logging.getLogger("can").removeHandler(unread)
+    if (n := len(unread.lines)) and tell is not None:
+        places = [line.rpartition("'")[0][-_SHOWN_CHARACTERS:] for line in unread.lines[:_SHOWN]]
+        tell(left_out("unread", path.name, np.full(n, np.nan), n + count, places=places).sentence)
+
+
+class _Unread(logging.Handler):
+    """What python-can says of the lines that it cannot read."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.lines.append(record.getMessage())
 
 
 def _frames(reader: Any, path: Path, late_ns: int) -> Iterator[Logged]:
@@ -129,11 +151,14 @@ def send_frames(path: Path, target: IO[bytes]) -> None:
 
 _LONGEST_LINE: Final = 1 << 12  # characters; the longest frame has 64 bytes
 _SHOWN: Final = 3  # lines that are named
+_SHOWN_CHARACTERS: Final = 40  # of such a line
 _FILE: Final = re.compile(r"\(([^)]*)\)\s+(\S+)\s+([0-9A-Fa-f]+#\S*)(?:\s+([RTrt]))?")
 _SCREEN: Final = re.compile(
     r"(?:\(([^)]*)\)\s+)?(\S+)\s+(?:([RT])X\s+\S\s+\S\s+)?([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[\d+\]"
     r"\s*((?:[0-9A-Fa-f]{2}\b\s*)*|remote request|ERRORFRAME)(?:'.*')?"
 )
+_HEAD: Final = 20  # lines of an ASC file in which its header stands
+_RELATIVE: Final = re.compile(r"\s*base\s+\w+\s+timestamps\s+relative", re.IGNORECASE)
 _ASC: Final = re.compile(r"\s*(-\d+\.\d+)(\s+\d+\s.*)", re.DOTALL)
 Stamped = tuple[float, str]
 
@@ -151,9 +176,12 @@ class _Lines(io.TextIOBase):
 def text_reader(path: Path, tell: Tell) -> tuple[Any, float]:
     """python-can's reader of a `.log` or `.asc` file, and what it adds to the stamps in s. Raises ValueError."""
     if path.suffix.lower() == ".asc":
+        summed = any(_RELATIVE.match(line) for line in islice(_lines(path), _HEAD))
         negative = [float(found[1]) for line in _lines(path) if (found := _ASC.match(line))]
         late = float(np.ceil(-min(negative, default=0.0)))
-        return can.ASCReader(_Lines(_later(path, late))), late  # type: ignore[arg-type]
+        if summed:
+            tell(left_out("differences", path.name, np.empty(0), 1).sentence)
+        return can.ASCReader(_Lines(_later(path, late, summed))), late  # type: ignore[arg-type]
     return can.CanutilsLogReader(_Lines(_candump_lines(path, tell))), 0.0  # type: ignore[arg-type]
 
 
@@ -162,12 +190,15 @@ def _lines(path: Path) -> Iterator[str]:
         yield from iter(lambda: text.readline(_LONGEST_LINE), "")
 
 
-def _later(path: Path, late: float) -> Iterator[str]:
-    """The lines with all stamps later, so that none is negative."""
-    stamped = re.compile(r"\s*(-?\d+\.\d+)(\s+(?:\d|CANFD).*)", re.DOTALL) if late else None
+def _later(path: Path, late: float, summed: bool) -> Iterator[str]:
+    """The lines with all stamps later, so that none is negative; where they are differences, with their sums."""
+    stamped = re.compile(r"\s*(-?\d+\.\d+)(\s+\S.*)", re.DOTALL) if late or summed else None
+    now = 0.0
     for line in _lines(path):
         found = stamped.match(line) if stamped else None
-        yield f"{float(found[1]) + late:.9f}{found[2]}" if found else line
+        if found:
+            now = float(found[1]) + (now if summed else 0.0)
+        yield f"{now + late:.9f}{found[2]}" if found else line
 
 
 def _candump_lines(path: Path, tell: Tell) -> Iterator[str]:
@@ -184,7 +215,7 @@ def _candump_lines(path: Path, tell: Tell) -> Iterator[str]:
     if np.isnan(times).any():
         raise ValueError(f"{path}: frames must have stamps; got one without: log with candump -L, or candump -ta")
     if odd and len(odd) < total:
-        tell(left_out("unread", path.name, np.zeros(len(odd)), total, places=odd[:_SHOWN]).sentence)
+        tell(left_out("unread", path.name, np.full(len(odd), np.nan), total, places=odd[:_SHOWN]).sentence)
     if summed := are_differences(times, even=False):
         tell(left_out("differences", path.name, times[:0], total).sentence)
     now = 0.0

@@ -115,11 +115,18 @@ class _Reading:
 
     def __init__(self, path: Path, tell: Tell | None) -> None:
         self.where, self.catalogue = str(path), load_catalogue()
+        self.sentences: list[str] = []
         self.good: dict[str, list[tuple[float, dict[str, float]]]] = {}
         self.refused: dict[str, list[float]] = {}
         self.receivers = {frame.id: Receiver(frame) for frame in self.catalogue.frames.values()}
         start, heard, last = None, -inf, dict[int, bytes]()
-        for logged in read_frames(path, tell):
+
+        def heard_of(sentence: str) -> None:
+            self.sentences.append(sentence)
+            if tell is not None:
+                tell(sentence)
+
+        for logged in read_frames(path, heard_of):
             if start is None:
                 start = logged.time_s if logged.time_s > _CALENDAR_S else 0.0
             receiver = self.receivers.get(logged.id)
@@ -163,7 +170,8 @@ class _Reading:
             why = ", ".join(f"{count} for {reason}" for reason, count in refused.items())
             raise ValueError(f"{self.where}: {name} frames must be as {source} describes them; all were refused: {why}")
         there = ", ".join(sorted(n for n in self.good if not n.endswith(_HEARTBEAT))) or "no frame of the catalogue"
-        raise ValueError(f"{self.where}: log must hold {name} frames ({frame.id:#x} of {source}); got {there}")
+        told = "".join(f"; {sentence}" for sentence in self.sentences)
+        raise ValueError(f"{self.where}: log must hold {name} frames ({frame.id:#x} of {source}); got {there}{told}")
 
 
 def _columns(reading: _Reading, sources: Sources, driven_only: bool) -> tuple[dict[str, Array], tuple[LeftOut, ...]]:

@@ -9,7 +9,7 @@ import numpy as np
 from hil.formats.channels import Array, Channel, Heading, RefusedError, refusing
 from hil.formats.reading import format_of, is_log, read_channels
 from models.records.clock import ClockError, LeftOut, one_clock
-from models.records.record import Record, find_columns, read_record, record_of
+from models.records.record import SWITCHES, Record, find_columns, read_record, record_of
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
 from models.rigs.mapping import ColumnMap, MappedColumn
@@ -28,7 +28,6 @@ def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient:
 
 
 _CALENDAR_S = 1e6  # a later stamp is a date
-_SWITCHES = ("drive_on",)
 
 
 def channel_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
@@ -105,7 +104,7 @@ def _columns(
         return {TIME: since_start(first), **ours}, (), ()
     measured = [name for name in kind.columns(samples).measured if name in samples]
     try:
-        columns, notes, lost = one_clock(samples, next(iter(measured or samples)), _SWITCHES)
+        columns, notes, lost = one_clock(samples, next(iter(measured or samples)), SWITCHES)
     except ClockError as error:
         raise RefusedError(str(error)) from None
     return {**columns, TIME: since_start(columns[TIME])}, notes, lost

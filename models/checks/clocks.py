@@ -118,7 +118,7 @@ def check_delay(view: View) -> Findings:
     of a capsule drifts against its magnet's, behind which it lags anyway.
     """
     moved, measured = view.kind.layout.own() if view.kind.led else ("", "")
-    lag = _lag_of(view, moved, measured) if {moved, measured} <= set(view.record.columns) else None
+    lag = _lag_of(view.unbroken, moved, measured) if {moved, measured} <= set(view.record.columns) else None
     if lag is None or not (lag.drift or view.kind.drawn) or (lag.drift and len(jumps(view))):
         return
     known = f"[clock] offset_s = {lag.first_s:.3g}"

@@ -50,6 +50,7 @@ COLUMNS: Final[Checks] = (
     signs.check_force_sign,
     signs.check_drive_sign,
     speeds.check_logged_speed,
+    speeds.check_repeated,
     positions.check_stuck,
     sizes.check_units,
     positions.check_wraps,

@@ -34,6 +34,7 @@ def noise_used(stated: float | None, estimated: float, span: float, step: float 
 
 def check_noise(view: View) -> Findings:
     """Noise that is not as the rig file states."""
+    view = view.unbroken
     key, span = _key(view), float(np.ptp(view.y))
     stated = getattr(view.rig.noise, key) if key else None
     if stated is None or len(view.y) < 200:

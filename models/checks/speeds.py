@@ -1,19 +1,21 @@
-"""The logged speed of an axis against its place: lag, gain and sign; and what force its motion explains."""
+"""Columns that repeat others, as a logged speed does: lag, gain and sign; and what force a motion explains."""
 
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from models.checks.estimators import Array, regressed, running_mean, smooth_speed
+from models.checks.estimators import Array, regressed, running_mean, smooth_speed, white_noise
 from models.checks.finding import Findings
 from models.checks.settings import SET
 from models.checks.view import View
+from models.files.units import factor, split_unit, unit_of
+from models.records.found_columns import commanded
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """A logged speed as `gain` times the place's, `lag_s` later, and the share of it that is neither."""
+    """A column as `gain` times another, `lag_s` later, and the share of it that is neither."""
 
     gain: float
     lag_s: float
@@ -30,9 +32,14 @@ def agreement(place: Array, logged: Array, dt: float) -> Agreement | None:
     speed, noise, n = smooth_speed(place, dt)
     if float(np.std(speed)) <= 2 * noise:
         return None
-    inner = slice(3 * n, len(place) - 3 * n)
+    return _agreement(speed, logged, n, dt)
+
+
+def _agreement(smooth: Array, logged: Array, n: int, dt: float) -> Agreement | None:
+    """How a `logged` column (n,) belongs to another that is `smooth`, the running mean of a running mean over `n`."""
+    inner = slice(3 * n, len(smooth) - 3 * n)
     alike = running_mean(running_mean(logged, n), n)[inner]
-    rows = np.column_stack([speed, np.gradient(speed, dt), np.ones(len(speed))])[inner]
+    rows = np.column_stack([smooth, np.gradient(smooth, dt), np.ones(len(smooth))])[inner]
     if len(rows) < SET.side or not np.std(alike):
         return None
     gain, late, _ = found = regressed(rows, alike)
@@ -57,6 +64,38 @@ def check_logged_speed(view: View) -> Findings:
         yield view.notes("speed_apart.size", name, line=view.columns_line(name, scale=size), **values)
     else:
         yield view.notes("speed_apart", name, **values)
+
+
+def check_repeated(view: View) -> Findings:
+    """Further columns that hold a place, its speed or acceleration, or a force once more, in another size or late."""
+    record, place = view.record, view.moving_column
+    speed, _, n = smooth_speed(record[place], view.dt)
+    shown = dict.fromkeys(name for name in (place, view.driven, view.measured) if name)
+    ours = [(name, unit_of(name), running_mean(running_mean(record[name], n), n)) for name in shown]
+    ours += [(f"the speed of {place}", f"{unit_of(place)}/s", speed)]
+    ours += [(f"the acceleration of {place}", f"{unit_of(place)}/s2", np.gradient(speed, view.dt))]
+    for name in (name for name in record.columns if name not in view.kind.known and not commanded(name)):
+        stated, values = split_unit(name)[1], record[name]
+        alike = [(other, size, smooth) for other, unit, smooth in ours if stated and (size := factor(stated, unit))]
+        if not alike or not np.isfinite(values).all():
+            continue
+        fits = [(fit, other) for other, size, y in alike if (fit := _agreement(y, size * values, n, view.dt))]
+        fit, other = min(fits, key=lambda one: one[0].left, default=(None, ""))
+        if fit is None or fit.left > SET.speed_left:
+            continue
+        lag = round(abs(fit.lag_s), 6)
+        said: dict[str, Any] = {"gain": fit.gain, "lag": lag, "late": fit.lag_s > 0, "other": other}
+        finer = (
+            fit.close
+            and other in record.columns
+            and white_noise(record[other])
+            > SET.repeated_finer * white_noise(values * (factor(stated, unit_of(other)) or 0.0) / fit.gain)
+        )
+        if finer:
+            line = view.columns_line(other, column=name, unit=stated)
+            yield view.notes("column_repeated.finer", name, beside=other, line=line, **said)
+        elif not fit.close:
+            yield view.notes("column_repeated", name, beside=other, **said)
 
 
 def motion_rows(view: View) -> Array:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partialmethod
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -75,6 +76,13 @@ class View:
         steps = np.diff(self.t)
         good = steps[steps > 0]
         return float(np.median(good)) if len(good) else 1.0
+
+    @cached_property
+    def unbroken(self) -> "View":
+        """The longest stretch of the record without a pause."""
+        edges = [0, *(np.flatnonzero(np.diff(self.t) > SET.stamps_pause * self.dt) + 1), len(self.t)]
+        first, last = max(pairwise(edges), key=lambda piece: piece[1] - piece[0])
+        return self.of(self.record.rows(slice(first, last))) if last - first < len(self.t) else self
 
     @cached_property
     def noise(self) -> float:

@@ -302,8 +302,8 @@ class GravityOverAngle(Effect):
 
 
 class LoadForce(Effect):
-    """Force `c N (1 + g x)` of the logged load, pressure or temperature, whose lever or area may change along the way;
-    of several a sum, one `per_NAME` each.
+    """Force `c N (1 + g (x - x_m))` of the logged load, pressure or temperature, whose lever or area may change along
+    the way; x_m is its middle. Of several a sum, one `per_NAME` each.
     """
 
     id = "load_force"
@@ -318,10 +318,11 @@ class LoadForce(Effect):
 
     per_load = number(0.0, "N/(N or N m)", -1e9, 1e9, symbol="c")
     slope_per_m = number(0.0, "1/m", -100.0, 100.0, symbol="g")
+    middle_m = number(0.0, "m", -10.0, 10.0, fit=False, symbol="x_m")
 
     def force(self, s: Signals, p: Values, z: Values) -> Value:
         total = sum(p[q.name] * s.logged(q.name[4:]) for q in self.parameters() if q.name.startswith("per_"))
-        return total * (1 + p["slope_per_m"] * s.x)
+        return total * (1 + p["slope_per_m"] * (s.x - p["middle_m"]))
 
 
 class TorqueRipple(Effect):

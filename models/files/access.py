@@ -101,6 +101,11 @@ def read_json(path: Path, what: str, largest: int = LARGEST_TEXT) -> dict[str, A
     return found
 
 
+def text_of(name: str) -> str:
+    """A file's name as text: its bytes that are no UTF-8 as codes, as `\\xfc`."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
     """Within it, an OSError names `path`, as one of a write to an open file would not."""

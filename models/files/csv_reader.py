@@ -36,6 +36,7 @@ LONGEST_LINE = 1 << 20  # characters
 MOST_COLUMNS = 256  # of a table of measurements
 MOST_CHARACTERS = 1 << 30  # of a file: 1 GB
 MOST_BLANK = 1_000_000  # lines without a value
+MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none")  # cells of what was not measured
 _START = 1 << 16  # bytes from which the encoding is recognised
 
 
@@ -67,15 +68,15 @@ def read_table(
     """The table of a file that holds `what`, of at most `most_rows`.
 
     `check` gets the header and the units that the file states by column; it returns the columns that must be finite,
-    but for empty cells of `gaps`. Other cells that are no numbers become NaN. Separators are comma, semicolon, tab or
-    spaces (all but the comma allow a decimal comma). UTF-8, UTF-16, UTF-32, Windows-1252, gzip are recognised, as are
+    but for `MISSING` cells of `gaps`. Other cells that are no numbers become NaN. Separators are comma, semicolon, tab
+    or spaces (all but the comma allow a decimal comma). UTF-8, UTF-16, UTF-32, Windows-1252, gzip are recognised, also
     lines above the header, which has one of `names`, and a row of units below it. Columns among `clocks` may hold dates
     and times of day (`clock_s`). Further columns of one name are numbered (`Time`, `Time 2`), but for those of `once`.
     """
     with _opened(path) as text:
         lines = _lines(path, text)
         if path.name.lower().removesuffix(".gz").endswith(".lvm"):
-            lines = as_table(lines)
+            lines = as_table(str(path), lines)
         top = list(islice(lines, LONGEST_TOP))
         form = find_header([line for _, line in top], names)
         if form is None:
@@ -210,7 +211,7 @@ class _Rows:
     def take(self, block: list[tuple[int, str]]) -> None:
         grouped, plain = may_group([line for _, line in block], self.separator), block
         if self.separator != ",":
-            plain = [(number, line.replace(",", ".")) for number, line in block]
+            plain = [(number, self._pointed(line)) for number, line in block]
         separator, shape = None if self.separator == SPACES else self.separator, (len(block), len(self.header))
         values = np.zeros(shape)
         try:
@@ -237,10 +238,13 @@ class _Rows:
         values = np.array([[to_number(cell) for cell in column] for column in columns]).T
         for column, name in enumerate(self.header):
             if name in self.clocks and np.isnan(values[:, column]).any():
-                stamps = np.array([clock_s(row[column]) for row in rows])
+                stamps = np.array([clock_s(self._pointed(row[column])) for row in rows])
                 values[:, column] = over_midnight(stamps, self.last_stamp)
-                self.last_stamp = float(values[-1, column])
+                self.last_stamp = float([self.last_stamp, *stamps[np.isfinite(stamps)]][-1])
         return values
+
+    def _pointed(self, cell: str) -> str:
+        return cell if self.separator == "," else cell.replace(",", ".")
 
     def _cells(self, number: int, line: str) -> list[str]:
         cells = _split(f"{self.where}, line {number}", line, self.separator)
@@ -254,5 +258,5 @@ class _Rows:
         for row, column in np.argwhere(~np.isfinite(values[:, needed])):
             name, (number, line) = self.header[needed[column]], block[row]
             cell = split(line, self.separator)[needed[column]].strip()
-            if cell or name not in self.gaps:
+            if cell.lower() not in MISSING or name not in self.gaps:
                 raise ValueError(f"{self.where}, line {number}: {name} must be a finite number; got {cell[:40]!r}")

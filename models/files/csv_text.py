@@ -205,11 +205,14 @@ def clock_s(cell: str) -> float:
 
 def over_midnight(times: NDArray[np.float64], before: float) -> NDArray[np.float64]:
     """Times of day (n,) that go on past midnight, after the one `before` (NaN: none); dated ones unchanged."""
-    if (times >= DAY_S).any():
+    there = times[np.isfinite(times)]
+    if (there >= DAY_S).any() or not there.size:
         return times
-    start = times[0] if math.isnan(before) else before
-    steps = np.diff(times, prepend=start % DAY_S)
-    return np.asarray(times + DAY_S * (start // DAY_S + np.cumsum(steps < -0.5 * DAY_S)))
+    start = there[0] if math.isnan(before) else before
+    days = start // DAY_S + np.cumsum(np.diff(there, prepend=start % DAY_S) < -0.5 * DAY_S)
+    later = times.copy()
+    later[np.isfinite(times)] += DAY_S * days
+    return later
 
 
 def _of_day(text: str) -> float:

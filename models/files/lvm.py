@@ -9,9 +9,10 @@ _X: Final = "X_Value"
 Line = tuple[int, str]
 
 
-def as_table(lines: Iterator[Line]) -> Iterator[Line]:
+def as_table(where: str, lines: Iterator[Line]) -> Iterator[Line]:
     """The numbered lines of a table between tabs. A column `X_Value` that the file leaves empty is filled by its `X0`
-    and `Delta_X`; the comments at the ends of rows are left out.
+    and `Delta_X`; the comments at the ends of rows are left out. Raises ValueError where a segment has fewer samples
+    than it states.
     """
     separator, named = "\t", False
     stated: dict[str, list[str]] = {}
@@ -28,19 +29,24 @@ def as_table(lines: Iterator[Line]) -> Iterator[Line]:
                 row = [time if name == _X else next(units, "") or "-" for name in names]
                 yield from ((number, "\t".join(cells)) for cells in (names, row))
             named = True
-            yield from _samples(lines, separator, names, stated)
+            yield from _samples(where, lines, separator, names, stated)
             stated = {"Channels": []}
         else:
             stated[cells[0]] = cells[1:]
 
 
-def _samples(lines: Iterator[Line], separator: str, names: list[str], stated: dict[str, list[str]]) -> Iterator[Line]:
+def _samples(
+    where: str, lines: Iterator[Line], separator: str, names: list[str], stated: dict[str, list[str]]
+) -> Iterator[Line]:
     """The rows until the header of the next segment."""
+    most = max((int(cell) for cell in stated.get("Samples", []) if cell.isdigit()), default=0)
     first, step = (float((stated.get(key) or ["0"])[0].replace(",", ".") or 0) for key in ("X0", "Delta_X"))
     for k in count():
         number, line = next(lines, (0, ""))
         cells = [cell.strip() for cell in line.split(separator)]
         if not number or cells[0] == "Channels":
+            if k < most:
+                raise ValueError(f"{where}: record must hold the {most} samples that it states; got {k}: it is cut off")
             return
         cells = [*cells, *[""] * len(names)][: len(names)]
         if names[0] == _X and not cells[0] and step:

@@ -221,7 +221,7 @@ def _statements(
         shaped = [words(effect) for effect in found.effects if name in kind.catalogue[effect].refined_by]
         said.append(sentence(TEXT("statement.refined", words=words(name), effects=shaped)))
     count = found.effects if ended == "most" else found.rounds[-1][1] if found.rounds else ()
-    return [*said, TEXT(f"statement.ended_{ended}", n=len(count))]
+    return said if ended == "time" else [*said, TEXT(f"statement.ended_{ended}", n=len(count))]  # that is left out
 
 
 def _proposed(kind: AnyKind, found: Search, predicted: Predicted) -> list[str]:

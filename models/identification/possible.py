@@ -70,7 +70,7 @@ def _draws(prepared: Prepared, found: Search, seed: int) -> Iterator[tuple[str, 
 
 def left_by(kind: SeriesKind, records: Sequence[Record], theta: Theta) -> dict[str, float]:
     """The force that a model at `theta` lacks on `records`: rms in N and correlation time in s. Empty where it errs
-    like the noise, and on a surface without friction.
+    like the noise, on a surface without friction, and where nothing moves.
     """
     runs = [(record, kind.predict(record, theta)) for record in records]
     error, floor = kind.error(records, [run for _, run in runs]), kind.noise_floor(records)
@@ -82,14 +82,18 @@ def left_by(kind: SeriesKind, records: Sequence[Record], theta: Theta) -> dict[s
 
 
 def _slope(kind: SeriesKind, runs: Sequence[tuple[Record, Array]], theta: Theta) -> float:
-    """The force in N that moves free `runs` at `theta` by a metre: that of a magnet there, else a greater friction."""
+    """The force in N that moves free `runs` at `theta` by a metre: that of a magnet there, else a greater friction; 0
+    where none moves them.
+    """
     extra = [found[0] for record, _ in runs if (found := kind.extra_force(record, theta))]
     if extra:
-        return _rms(extra) / _rms([record[kind.quantity] - run for record, run in runs])
+        moved = _rms([record[kind.quantity] - run for record, run in runs])
+        return _rms(extra) / moved if moved else 0.0
     scale = next((p.name for p in kind.surface.parameters()), "")
     harder = theta | {scale: SET.harder * theta[scale]} if scale else theta
     low, high = (sum(kind.surface.hold(SET.pushed_m_s, own.base, kind.drive.carried_kg)) for own in (theta, harder))
-    return float(high - low) / _rms([kind.predict(record, harder) - run for record, run in runs]) if scale else 0.0
+    moved = _rms([kind.predict(record, harder) - run for record, run in runs])
+    return float(high - low) / moved if moved else 0.0
 
 
 def _rms(signals: Sequence[Array]) -> float:

@@ -42,7 +42,7 @@ def showing(records: Sequence[Record], count: int) -> list[int]:
     """Which `count` of the time series show most, in order: chosen one after the other by what each adds to the
     logarithm of the time spent in each part of the range of each signal, of its rate and of the time from the start.
     """
-    seen = [_signals(record) for record in records]
+    seen = [signals_of(record) for record in records]
     names = sorted(set[str]().union(*seen))
     spent = np.zeros((len(records), len(names), SET.showing_bins))
     for n, name in enumerate(names):
@@ -59,7 +59,7 @@ def showing(records: Sequence[Record], count: int) -> list[int]:
     return sorted(best)
 
 
-def _signals(record: Record) -> dict[str, np.ndarray]:
+def signals_of(record: Record) -> dict[str, np.ndarray]:
     """Means of the columns over 0.1 s, their rates, and the time from the start."""
     t = record[TIME] - record[TIME][0]
     some = min(max(1, round(SET.showing_s * len(t) / max(float(t[-1]), 1e-9))), len(t) // 2)

@@ -17,7 +17,8 @@ from models.identification.kind import Kind
 from models.identification.rehearsal import Left, left_by, rehearsed
 from models.identification.search.search import Search
 from models.identification.settings import SET
-from models.parameter import Name
+from models.identification.thinning import signals_of
+from models.parameter import Name, Parameter
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.theta import Theta, spelled
@@ -25,6 +26,7 @@ from models.words.sentences import Quantity, Sentences
 from models.workers import each
 
 TEXT: Final = Sentences(__file__)
+_PLACE_RATES: Final = ("position_m rate", "angle_rad rate")
 
 
 def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
@@ -114,17 +116,68 @@ def checks_of_model(
 
 def periods_of(kind: Kind, effects: Sequence[str], theta: Theta, records: Sequence[Record]) -> dict[Name, float]:
     """The period of each of the `effects` at `theta`: one in time as a share of the longest record, a wavelength of the
-    way that the `records` cover.
+    longest way that the `records` cover without a gap.
     """
     found = dict[Name, float]()
-    timed = [float(np.ptp(r[TIME])) - lead_in_s(r) for r in records if r.layout.time]
-    for p, name in ((p, (effect, p.name)) for effect in effects for p in kind.declared(effect).parameters()):
+    for p, name in _parameters(kind, effects):
         if p.unit == "Hz":
-            found[name] = 1 / theta[name] / max(timed, default=np.inf)
+            found[name] = 1 / theta[name] / _longest_s(records)
         elif p.name.startswith("wavelength"):
-            places = [r[column] for r in records for column in ("position_m", "angle_rad") if column in r.columns]
-            found[name] = theta[name] / float(np.ptp(np.concatenate(places)))
+            found[name] = theta[name] / _way(records)
     return found
+
+
+def unshown(
+    kind: Kind, effects: Sequence[str], theta: Theta, records: Sequence[Record]
+) -> dict[Name, tuple[float, float]]:
+    """Parameters of the `effects` at `theta` whose range the `records` do not cover, and what they leave open: periods
+    that they do not repeat, time constants beyond the longest, lengths beyond the longest path, places off the way.
+    The number of records does not enter.
+    """
+    open_, long = dict[Name, tuple[float, float]](), periods_of(kind, effects, theta, records)
+    for p, name in _parameters(kind, effects):
+        value, places = theta.get(name, p.value), "places" in kind.declared(name[0]).needs
+        if name in long:
+            reached = long[name] > 1 / SET.seen_again
+            least = value / (SET.seen_again * long[name])  # the longest period that is repeated
+            ends = (p.lower, SET.seen_again * value * long[name]) if p.unit == "Hz" else (least, p.upper)
+        elif p.role == "place":
+            low, high = min(map(np.min, _places(records))), max(map(np.max, _places(records)))
+            reached, ends = not low <= value <= high, (p.lower, low) if value < low else (high, p.upper)
+        else:
+            covered = _longest_s(records) if p.unit == "s" else _path(records) if places and p.unit == "m" else np.inf
+            reached, ends = value > covered, (covered, p.upper)
+        if reached:
+            open_[name] = ends
+    return open_
+
+
+def _parameters(kind: Kind, effects: Sequence[str]) -> Iterator[tuple[Parameter, tuple[str, str]]]:
+    return ((p, (effect, p.name)) for effect in effects for p in kind.declared(effect).parameters())
+
+
+def _longest_s(records: Sequence[Record]) -> float:
+    """The longest record, inf where none is a time series."""
+    return max((float(np.ptp(r[TIME])) - lead_in_s(r) for r in records if r.layout.time), default=np.inf)
+
+
+def _places(records: Sequence[Record]) -> list[np.ndarray]:
+    return [r[column] for r in records for column in ("position_m", "angle_rad") if column in r.columns]
+
+
+def _way(records: Sequence[Record]) -> float:
+    """The longest stretch of places without a gap between the records, inf where none has places."""
+    longest, low, high = 0.0 if _places(records) else np.inf, np.inf, -np.inf
+    for least, most in sorted((float(x.min()), float(x.max())) for x in _places(records)):
+        low, high = (low, max(high, most)) if least <= high else (least, most)
+        longest = max(longest, high - low)
+    return longest
+
+
+def _path(records: Sequence[Record]) -> float:
+    """The longest path of a record, from means over 0.1 s: noise moves nothing."""
+    paths = [np.abs(y).sum() for r in records for name, y in signals_of(r).items() if name in _PLACE_RATES]
+    return float(max(paths, default=np.inf))
 
 
 def _of_effects(

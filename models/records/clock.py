@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Samples = Mapping[str, tuple[Array, Array]]
 """Times and values of each column."""
-_ASTRAY: Final = 0.01  # largest share of stamps out of order that are single wrong ones
+ASTRAY: Final = 0.01  # largest share of stamps out of order that are single wrong ones
 _RESTARTS: Final = 8  # most times that a clock may begin again; more is no order at all
 _BRIDGED: Final = 5.0  # usual intervals between samples that may be joined by a straight line
 _USUAL: Final = 0.95  # share of the intervals that are no longer than the usual one: samples may come in bursts
@@ -45,7 +45,7 @@ class LeftOut:
 
 def left_out(case: str, column: str, times: Array, total: int, places: Sequence[str] = (), **values: Any) -> LeftOut:
     """What is said of `total` samples of `column` of which those at the `times`, or at these `places`, are left out."""
-    at = [f"{t:.6g} s" for t in times[:3]]
+    at = ["no stamp" if np.isnan(t) else f"{t:.6g} s" for t in times[:3]]
     at = [f"{place} ({time})" for place, time in zip(places, at, strict=False)] or at
     shown = ", ".join(at) + (f" and {len(times) - 3} more" if len(times) > 3 else "")
     sentence = TEXT(f"lost.{case}", column=column, n=len(times), total=total, where=shown, **values)
@@ -61,7 +61,7 @@ def in_order(times: Array) -> tuple[Mask, list[int]]:
         return kept, []
     rows = np.flatnonzero(kept)
     rising = rows[_longest_rise(times[rows].tolist())]
-    if len(rows) - len(rising) <= max(1, _ASTRAY * len(rows)):
+    if len(rows) - len(rising) <= max(1, ASTRAY * len(rows)):
         kept[:] = False
         kept[rising] = True
         return kept, []
@@ -99,7 +99,7 @@ def are_differences(times: Array, even: bool = True) -> bool:
         return bool(back.mean() > _OFTEN and abs(then - first) < _LEVEL * np.ptp(times))
     low, usual, high = np.percentile(times[1:], [5, 50, 95])
     one_size = usual > 0 and low * _SPREAD >= usual and high <= _SPREAD * usual
-    return bool(one_size and (back.mean() > _ASTRAY or np.ptp(times[1:]) == 0))
+    return bool(one_size and (back.mean() > ASTRAY or np.ptp(times[1:]) == 0))
 
 
 def usual_step(times: Array) -> float:

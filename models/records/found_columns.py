@@ -109,7 +109,7 @@ def proposed(
 
     def take_likeliest(targets: list[str]) -> None:
         likely = [
-            (-score, _commanded(stem), len(_words(stem)), k, name)
+            (-score, commanded(stem), len(_words(stem)), k, name)
             for k, target in enumerate(targets)
             for name, (stem, stated) in free.items()
             if (score := _likeness(target, stem, stated))
@@ -195,7 +195,8 @@ def _words(stem: str) -> list[str]:
     return [word.lower() for word in re.findall(r"[A-Z]?[a-z']+|[A-Z]+(?![a-z])|[A-Za-z']+", stem)]
 
 
-def _commanded(stem: str) -> bool:
+def commanded(stem: str) -> bool:
+    """Whether a column's name is that of a command."""
     return any(len(word) > 2 and known.startswith(word) for word in _words(stem) for known in _COMMANDED.split())
 
 

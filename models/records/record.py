@@ -11,12 +11,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from models.files.access import text_of
 from models.files.csv_reader import CsvTable, read_table
 from models.files.units import unit_of
-from models.records.clock import LeftOut, are_differences, in_order, left_out
+from models.records.clock import ASTRAY, ClockError, LeftOut, are_differences, in_order, left_out, one_clock
 from models.records.direction import directed, kind_of, swings
 from models.records.found_columns import check_header, nearly, proposed, to_fill_in, to_scale, toml_lines
-from models.rigs.columns import LOADS, TIME, Columns
+from models.rigs.columns import TIME, Columns
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.mapping import MappedColumn, contradiction
@@ -28,6 +29,8 @@ TEXT: Final = Sentences(__file__)
 Array = NDArray[np.float64]
 USED = "_used"
 """Column of a record: 1 where the measured value counts, 0 where there is none or it was filled in."""
+SWITCHES = ("drive_on",)
+"""Columns that are constant between their changes."""
 LARGEST_LOAD = 1e9  # in its unit
 _LOADED = ("load", "temperature", "pressure")
 LARGEST_SAMPLE = 1e12  # that the checks of records can read
@@ -146,7 +149,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
         sources.update(find_columns(str(path), rig, header, units, driven_only))
         return [source.column for target, source in sources.items() if source.column and target not in _free(kind)]
 
-    sparse = _sparse(kind)
+    sparse = (*_sparse(kind), *_paced(kind))
     table = read_table(
         path,
         check,
@@ -183,7 +186,8 @@ def record_of(
         if target in _free(KINDS[rig.kind]) or not source.column:
             continue
         values = columns[source.column]
-        wrong = np.isinf(values) if target in _sparse(KINDS[rig.kind]) else ~np.isfinite(values)
+        sparse = (*_sparse(KINDS[rig.kind]), *_paced(KINDS[rig.kind]))
+        wrong = np.isinf(values) if target in sparse else ~np.isfinite(values)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
@@ -198,9 +202,15 @@ def _sparse(kind: RigKind) -> tuple[str, ...]:
     return tuple(name for one in kind.layouts if one.time for name in one.measured)
 
 
+def _paced(kind: RigKind) -> tuple[str, ...]:
+    """Columns of ours that may be empty where others are not: single stamps, and what has a clock of its own."""
+    return (TIME, *(name for one in kind.layouts if one.time for names in one.driven for name in names))
+
+
 def _free(kind: RigKind) -> tuple[str, ...]:
     """Columns of ours that are left out where they hold anything but usable numbers."""
-    return LOADS if kind.stage else kind.layout.beside
+    inputs = dict.fromkeys(name for one in kind.layouts for name in one.optional)
+    return tuple(inputs) if kind.stage else kind.layout.beside
 
 
 def _usable(kind: RigKind, values: Array) -> bool:
@@ -250,9 +260,8 @@ def _with_proposal(
     raw = to_scale(free, missing, units, found)
     known = {entry.target for entry in found} | {line.split()[1] for line in raw}
     unknown = [names for names in missing if not known & set(names)]
-    raw += (
-        to_fill_in(free, unknown, clocked=any(TIME in names for names in unknown)) if len(free) >= len(unknown) else []
-    )
+    if len(free) >= len(unknown) or unknown == [(TIME,)]:
+        raw += to_fill_in(free, unknown, clocked=any(TIME in names for names in unknown))
     if not (found or raw) or "columns of kind" in str(error):
         return error
     entries = [*(source for source in good.values() if not source.plain), *found]
@@ -273,6 +282,7 @@ def _record(
     row_name: str = "line",
 ) -> Record:
     """The record of a table with our columns at their `sources`, checked row by row."""
+    name, where = text_of(name), text_of(where)
     raw = dict(zip(table.header, table.values.T, strict=True))
     ours = {
         target: s.values(raw[s.column] if s.column else table.lines, table.units.get(s.column, ""))
@@ -295,7 +305,9 @@ def _record(
     unused = tuple(TEXT("left_out", where=where, column=name, names=names) for name in (*strange, *foreign))
     lines, lost = table.lines, tuple[LeftOut, ...]()
     if kind.layout.time:
-        columns, lines, lost = _on_rising_stamps(columns, lines, row_name)
+        columns, lines, lost = _on_rising_stamps(where, columns, lines, row_name)
+        columns, lines, paced, more = _on_one_clock(where, kind, columns, lines, row_name)
+        unused, lost = (*unused, *paced), (*lost, *more)
     rows = len(lines)
     _refuse_wrong(where, kind, columns, lines, lenient, row_name)
     least = (2 if kind.layout.time else 1) if driven_only else kind.layout.minimum
@@ -313,16 +325,22 @@ def _record(
 
 
 def _on_rising_stamps(
-    columns: dict[str, Array], lines: NDArray[np.int64], row_name: str
+    where: str, columns: dict[str, Array], lines: NDArray[np.int64], row_name: str
 ) -> tuple[dict[str, Array], NDArray[np.int64], tuple[LeftOut, ...]]:
-    """The rows without single ones whose stamps do not fit between the others, and what was left out; stamps that are
-    differences become their sums. All rows where more is wrong.
+    """The rows without single ones that have no stamp, or one that does not fit between the others, and what was left
+    out; stamps that are differences become their sums. All rows where more is wrong. Raises ValueError.
     """
     t = columns[TIME]
+    none = np.isnan(t)
+    if none.sum() > ASTRAY * len(t):
+        raise ValueError(
+            f"{where}, {row_name} {lines[np.argmax(none)]}: t_s must be a finite number; got none in {none.sum()} of"
+            f" {len(t)} rows"
+        )
     if are_differences(t):
         return {**columns, TIME: np.cumsum(t)}, lines, (left_out("differences", TIME, t[:0], len(t)),)
     kept, back = in_order(t)
-    if kept.all() or back or not np.isfinite(t).all():
+    if kept.all() or back:
         return columns, lines, ()
     lost = np.flatnonzero(~kept)
     same = np.diff(t) == 0
@@ -331,6 +349,31 @@ def _on_rising_stamps(
     places = [f"{row_name} {line}" for line in lines[lost]]
     told = left_out(case, TIME, t[lost], len(t), places=places)
     return {name: values[kept] for name, values in columns.items()}, lines[kept], (told,)
+
+
+def _on_one_clock(
+    where: str, kind: RigKind, columns: dict[str, Array], lines: NDArray[np.int64], row_name: str
+) -> tuple[dict[str, Array], NDArray[np.int64], tuple[str, ...], tuple[LeftOut, ...]]:
+    """A table in which a driven column is empty where others are not holds columns with clocks of their own: ours at
+    the rows of the measured one (`one_clock`), notes on it, and what was left out. Raises ValueError.
+    """
+    t, ours = columns[TIME], [name for name in columns if name in kind.known and name != TIME]
+    there = {name: np.isfinite(columns[name]) for name in ours}
+    empty = [name for name in ours if name in _paced(kind) and not there[name].all()]
+    if not empty or np.any(np.diff(t) <= 0):
+        return columns, lines, (), ()
+    rows_of = next((name for name in kind.columns(columns).measured if name in there), empty[0])
+    lost = list[LeftOut]()
+    for name in (name for name in empty if (there[rows_of] & there[name]).any()):
+        gone = np.flatnonzero(there[rows_of] & ~there[name])
+        places = [f"{row_name} {line}" for line in lines[gone[:3]]]
+        lost += [left_out("no_number", name, t[gone], len(t), places=places)] if len(gone) else []
+    try:
+        samples = {name: (t[there[name]], columns[name][there[name]]) for name in ours}
+        made, notes, more = one_clock(samples, rows_of, SWITCHES)
+    except ClockError as error:
+        raise ValueError(f"{where}: {error}") from None
+    return made, lines[np.searchsorted(t, made[TIME]).clip(max=len(t) - 1)], notes, (*lost, *more)
 
 
 def _refuse_wrong(

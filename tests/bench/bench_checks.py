@@ -318,6 +318,25 @@ def speed_scaled(view: View, size: float, rng: np.random.Generator) -> Record:
     return view.record.with_column(SPEED, size * view.record[SPEED])
 
 
+def second_place(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A second encoder, late by `size` s."""
+    return view.record.with_column("encoder_2_mm", 1e3 * np.interp(view.t - size, view.t, view.record["position_m"]))
+
+
+def second_force(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A second load cell, which shows `size` times the force, with as much noise."""
+    return view.record.with_column("cell_2_N", size * (view.y + view.noise * rng.standard_normal(len(view.y))))
+
+
+def accelerometer(view: View, size: float, rng: np.random.Generator) -> Record:
+    """An accelerometer that shows `size` times the acceleration, with noise of a tenth of it."""
+    acceleration = np.gradient(view.record[SPEED], view.t)
+    smooth = np.convolve(acceleration, np.full(40, 1 / 40), "same")
+    return view.record.with_column(
+        "acc_m_s2", size * (smooth + 0.1 * np.std(smooth) * rng.standard_normal(len(smooth)))
+    )
+
+
 SPEED: Final = "velocity_m_s"
 FAULTS: Final = {
     "stamp far ahead": Fault(ahead, "stamps_astray", (0.1, 1.0, 12.0), "s"),
@@ -329,6 +348,9 @@ FAULTS: Final = {
     "logged speed filtered": Fault(speed_late, "speed_apart", (0.005, 0.01, 0.03), "s", (AXIS,)),
     "logged speed in another unit": Fault(speed_scaled, "speed_apart", (0.9, 0.1, 1000.0), "times", (AXIS,)),
     "logged speed turned round": Fault(speed_scaled, "speed_apart", (-1.0,), "times", (AXIS,)),
+    "second place late": Fault(second_place, "column_repeated", (0.005, 0.01, 0.03), "s", (AXIS,)),
+    "second force in another unit": Fault(second_force, "column_repeated", (0.9, 0.1, 1000.0), "times", (AXIS,)),
+    "acceleration in another unit": Fault(accelerometer, "column_repeated", (-1.0, 0.1, 1000.0), "times", (AXIS,)),
     "sign turned round": Fault(turned, "force_sign drive_sign", (1.0,), "", ("pull", "magnetic", *SHAKEN)),
     "sign of the drive turned round": Fault(driven_scaled, "force_sign", (-1.0,), "times", ("coil",)),
     "other unit of the drive": Fault(driven_scaled, "force_size", (1000.0, 10.0, 0.1), "times", ("coil",)),

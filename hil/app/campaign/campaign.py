@@ -22,7 +22,7 @@ from hil.app.campaign.worker import PASSING, Row, run_job
 from hil.app.cluster import Workers, program_version
 from hil.app.console import answer, json_text, note, output_to_notes, print_json, text_table
 from hil.app.shared_options import MOST_SEED, Json, OwnEffects, Scheduler, WorkerCount, argument, option
-from hil.app.write import own_folder, write_files
+from hil.app.write import check_targets, own_folder, write_files
 from hil.report.words import column_words
 from models.effects import Catalogue
 from models.words.quantities import plain, quantity
@@ -57,6 +57,7 @@ def campaign(
     if over_series and run is not None:
         raise ValueError("--run must be left out with folders: close-loop does one series alone")
     with own_folder(out if run is None else None, "--out"):
+        check_targets([out / name for name in (PAGE, NUMBERS, TABLE)], "--out", paths)
         plan = None if over_series else load_campaign(paths[0])
         if plan is not None and run is not None:
             return _one(plan, run)
@@ -77,7 +78,7 @@ def _loops(plan: Campaign, out: Path, repeat: str, on: Workers, *, retry: bool) 
         def show() -> tuple[Runs, dict[str, Any]]:
             runs = Runs(results.rows(), plan.head.metric, list(plan.draws))
             found = document(plan, runs, repeat) | {"resumed": resumed, "report": str(out / PAGE)}
-            page = page_html(plan.name, runs, repeat, len(plan))
+            page = page_html(plan.name, runs, repeat, len(plan), program_version())
             write_files({out / PAGE: page, out / NUMBERS: json_text(found)})
             return runs, found
 
@@ -108,6 +109,7 @@ def document(plan: Campaign, runs: Runs, repeat: str) -> dict[str, Any]:
         "metric": metric,
         "runs": len(plan),
         "missing": len(plan) - len(runs),
+        "version": program_version(),
         "all": runs.summary(),
         "groups": {name: runs.summary(which) for name, which in runs.groups().items()},
         "failures": [
@@ -118,7 +120,6 @@ def document(plan: Campaign, runs: Runs, repeat: str) -> dict[str, Any]:
             {"run": row["run"], "value": value_of(row, metric), "point": row["point"]}
             | {"repeat": f"{repeat} --run {row['run']}"}
             for row in runs.worst
-            if "error" not in row
         ],
         "seconds_of_runs": runs.seconds,
     }
@@ -149,8 +150,10 @@ def _series(
             answers = with_disagreements(
                 [answer_of(job.name, rows[n], f"{REPORTS}/{job.name}") for n, job in jobs.items() if n in rows]
             )
-            found = answers_document(answers) | {"resumed": resumed, "report": str(out / PAGE)}
-            write_files({out / PAGE: answers_html(answers), out / NUMBERS: json_text(found)})
+            version, missing = program_version(), len(jobs) - len(answers)
+            found = answers_document(answers) | {"missing": missing, "version": version, "resumed": resumed}
+            found["report"] = str(out / PAGE)
+            write_files({out / PAGE: answers_html(answers, missing, version), out / NUMBERS: json_text(found)})
             return answers, found
 
         run_missing(
@@ -158,7 +161,7 @@ def _series(
             lambda row: jobs[row["run"]].keep(row.get("files", {})), SERIES_LIMIT_S,
         )  # fmt: skip
         answers, found = show()
-        found["table"] = write_table(out / TABLE, results.rows())
+        found["table"] = write_table(out / TABLE, (row for row in results.rows() if row["run"] in jobs))
     return found, _lines(answers, resumed), any(answer.error for answer in answers)
 
 

@@ -3,11 +3,14 @@
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
+from contextlib import suppress
 from threading import Lock
 from typing import Any, Final
 
+from hil.app.campaign.series_answers import TEXT
 from hil.app.campaign.worker import LONGEST_S, Job, Row, lost, overdue, run_jobs
 from hil.app.cluster import ANSWER_S, connected, count_of, packed, same_program
+from hil.app.console import note
 
 LOOK_S: Final = 1.0  # between two looks at the cluster
 TIMEOUT_S: Final = 60.0  # without a worker, after which a campaign ends
@@ -24,13 +27,15 @@ def scheduled(
     installed, in this version.
 
     A chunk whose worker dies goes to another worker. A chunk that has cost as many workers as the scheduler allows is
-    done last, one run at a time; a run that still kills its workers becomes a row with `error`, and so does one whose
-    worker does not answer within `limit_s`. Raises ValueError where Dask, the scheduler or this program on a worker is
-    missing, and after `timeout_s` without any worker.
+    done last, one run at a time, and so is one whose worker does not answer within `limit_s` a run; that worker is
+    started anew. A run that does so again, or still kills its workers, becomes a row with `error`. Raises ValueError
+    where Dask, the scheduler or this program on a worker is missing, and after `timeout_s` without any worker.
     """
     suspects: list[Job] = []
     with connected(address) as client:
-        same_program(client)
+        if not same_program(client):
+            note(TEXT("dumb"))
+        note(TEXT("cluster", address=address, count=count_of(client)))
         for part, rows in _answers(client, parts, address, timeout_s, limit_s):
             if isinstance(rows, int):
                 suspects += part
@@ -38,13 +43,16 @@ def scheduled(
                 yield rows
         for job in suspects:
             for _, rows in _answers(client, [[job]], address, timeout_s, limit_s):
-                yield [lost(job, rows)] if isinstance(rows, int) else rows
+                if isinstance(rows, int):
+                    yield [lost(job, rows) if rows else overdue(job, limit_s)]
+                else:
+                    yield rows
 
 
 def _answers(
     client: Any, parts: Iterable[Sequence[Job]], address: str, timeout_s: float, limit_s: float
 ) -> Iterator[tuple[Sequence[Job], list[Row] | int]]:
-    """Each chunk as it ends, with its rows or how many workers it has killed."""
+    """Each chunk as it ends, with its rows or how many workers it has killed; none where one has been silent."""
     from distributed import wait
 
     waiting, more, flying, seen = iter(parts), True, dict[Any, tuple[float, Sequence[Job]]](), time.monotonic()
@@ -60,9 +68,9 @@ def _answers(
             ends = time.monotonic() + limit_s * len(part) * (1 + AHEAD)
             flying[client.submit(packed(run_alone, part), retries=RETRIES, pure=False)] = ends, part
         for future in [one for one, (ends, _) in flying.items() if time.monotonic() > ends]:
-            future.cancel()
-            part = flying.pop(future)[1]
-            yield part, [overdue(job, limit_s) for job in part]
+            note(TEXT("silent"))
+            _start_anew(client, future)
+            yield flying.pop(future)[1], 0
         if not flying:
             continue
         try:
@@ -73,6 +81,14 @@ def _answers(
             continue
         except CancelledError:
             raise ValueError(f"--scheduler must stay until the last run; {address} has gone; {_KEPT}") from None
+
+
+def _start_anew(client: Any, late: Any) -> None:
+    """Give up a chunk, and start its worker anew where a nanny watches it: what it does cannot be interrupted."""
+    with suppress(OSError, ValueError, RuntimeError):
+        silent = [worker for worker, keys in client.processing().items() if late.key in keys]
+        late.cancel()
+        client.restart_workers(silent, timeout=ANSWER_S, raise_for_error=False)
 
 
 def run_alone(jobs: Sequence[Job]) -> list[Row]:

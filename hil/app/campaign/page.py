@@ -9,6 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from hil.app.campaign.series_answers import reason_of
 from hil.report.builder import page
 from hil.report.theme import axes, line_colour, styled, symbol
 from hil.report.words import column_words
@@ -46,7 +47,8 @@ class Failure:
 
 class Runs:
     """The runs of a campaign in columns, whatever their number: `values` of the metric, `unsafe`, `violations`, the
-    `drawn` values by key, and the number of the combination `at`; the `worst` rows, and the `failures` by error.
+    `drawn` values by key, and the number of the combination `at`; the `worst` rows of those that did not fail, and the
+    `failures` by error.
     """
 
     def __init__(self, rows: Iterable[Row], metric: str, draws: Sequence[str] = ()) -> None:
@@ -66,9 +68,11 @@ class Runs:
             violations = row.get("result", {}).get("hard_violations", 0)
             columns.append((row["run"], at, value, unsafe(row), violations, *drawn))
             badness = (bool(columns[-1][3]), value, -row["run"])
-            (heapq.heappush if len(worst) < WORST else heapq.heappushpop)(worst, (badness, row))
-            if "error" in row:
-                failure = self.failures.setdefault(row["error"], Failure(row["error"]))
+            error = reason_of(row) or ("" if np.isfinite(value) else f"its result has no number {metric}")
+            if not error:
+                (heapq.heappush if len(worst) < WORST else heapq.heappushpop)(worst, (badness, row))
+            else:
+                failure = self.failures.setdefault(error, Failure(error))
                 failure.count += 1
                 failure.runs += [row["run"]] * (failure.count <= _FAILED_RUNS)
         table = np.array(columns, dtype=float).reshape(len(columns), 5 + len(draws))
@@ -118,8 +122,10 @@ class Runs:
         return drawn | grid
 
 
-def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None) -> str:
-    """One self-contained page; `repeat` is the command of a run but for its number."""
+def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None, version: str = "") -> str:
+    """One self-contained page; `repeat` is the command that repeats a run but for its number. Runs that are still
+    missing of those `planned` are told, and the `version` of the program.
+    """
     metric, parted = runs.metric, runs.groups()
     factor, unit = scale(runs.values[np.isfinite(runs.values)].tolist(), column_words(metric)[1])
     words = column_words(metric)[0]
@@ -131,6 +137,7 @@ def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None) ->
         unit=unit,
         factor=factor,
         repeat=repeat,
+        version=version,
         count=len(runs),
         missing=(planned or len(runs)) - len(runs),
         groups={group: runs.summary(which) for group, which in parted.items()},

@@ -1,10 +1,10 @@
 """Folders of series: `rig.toml` and its records; those whose names begin with `holdout` or `held_out` are held out."""
 
 import contextlib
-import errno
 import hashlib
 import io
 import os
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +17,13 @@ from hil.app.write import write_files
 from hil.formats.reading import format_of, is_log
 from hil.report.numbers import report_json
 from models.effects import Catalogue
+from models.files.access import text_of
 from models.files.csv_reader import ENDINGS
 from models.identification import close
 
 RIG, REPORT = "rig.toml", "report.html"
 HELD_OUT: Final = ("holdout", "held_out")
+_LONGEST: Final = 200  # bytes of a part of a name
 KEPT: Final = (
     "verdict", "effects", "error", "next_experiment", "seconds", "kind", "calibration", "findings", "cannot_show",
     "reasons",
@@ -32,7 +34,7 @@ KEPT: Final = (
 @dataclass(frozen=True)
 class Series:
     """One rig's folder: its `name`, its records, the folder `out` for its report, the user's `effects`, the `seed`, and
-    as `number` the hash of everything that its answer depends on, except the program.
+    as `number` the hash of its place and of everything that its answer depends on, except the program.
     """
 
     number: str
@@ -51,8 +53,7 @@ class Series:
     def result(self) -> dict[str, Any]:
         """`close-loop` on it: the numbers in short, and the report's three `files`. Raises ValueError, OSError."""
         for path in (self.folder / RIG, *self.train, *self.holdout, *self.effects):
-            if not path.exists():
-                raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+            os.close(os.open(path, os.O_RDONLY | os.O_NONBLOCK))
         if not self.train:
             raise ValueError(f"{self.folder}: folder must hold records to fit to beside {RIG}; got none")
         with contextlib.redirect_stderr(io.StringIO()):
@@ -85,25 +86,40 @@ def find_series(folders: Sequence[Path], out: Path, effects: Sequence[Path] = ()
         if not here:
             raise ValueError(f"{folder}: folder must have a {RIG} in it or below it; got none")
         found |= here
-    common = os.path.commonpath([folder.parent for folder in found])
+    common = Path(os.path.commonpath([folder.parent for folder in found]))
     digest = hashlib.sha256(str(seed).encode())
     for path in effects:
         digest.update(path.read_bytes())
     own = tuple(path.resolve() for path in effects)
-    return [_series(folder, Path(common), out.resolve(), own, seed, digest.copy()) for folder in sorted(found)]
+    names = {folder: _name(folder.relative_to(common)) for folder in sorted(found)}
+    often = Counter(names.values())
+    return [
+        _series(folder, common, name, often[name] > 1, out.resolve(), own, seed, digest.copy())
+        for folder, name in names.items()
+    ]
 
 
-def _series(folder: Path, common: Path, out: Path, effects: tuple[Path, ...], seed: int, digest: Any) -> Series:
+def _name(path: Path) -> str:
+    """Its parts with codes for what is no text, an end of a line or a control character; long ones are cut."""
+    parts = [printable(text_of(part)).replace("\n", "\\n").replace("\t", "\\t") for part in path.parts]
+    return "/".join(part if len(part.encode()) <= _LONGEST else part[: _LONGEST // 4] for part in parts)
+
+
+def _series(
+    folder: Path, common: Path, name: str, twice: bool, out: Path, effects: tuple[Path, ...], seed: int, digest: Any
+) -> Series:
     records = list(_records(folder))
-    # bytes that are no text, and control characters, as codes
-    name = printable(os.fsencode(folder.relative_to(common).as_posix()).decode("utf-8", "backslashreplace"))
+    digest.update(os.fsencode(folder.relative_to(common)))
     for path in (folder / RIG, *records):
         digest.update(os.fsencode(path.relative_to(folder)))
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-            digest.update(file.read_bytes() if file.is_file() else b"")
+            with contextlib.suppress(OSError):  # the run says what cannot be read
+                digest.update(file.read_bytes() if file.is_file() else b"")
     held = tuple(path for path in records if path.relative_to(folder).parts[0].startswith(HELD_OUT))
     train = tuple(path for path in records if path not in held)
-    return Series(digest.hexdigest()[:16], name, folder, train, held, out / name, effects, seed)
+    number = digest.hexdigest()[:16]
+    name += f" {number[:8]}" * twice
+    return Series(number, name, folder, train, held, out / name, effects, seed)
 
 
 def _records(folder: Path) -> Iterator[Path]:

@@ -14,6 +14,8 @@ from models.identification.finding import STAGES
 from models.words.sentences import Sentences, listed
 
 TEXT: Final = Sentences(__file__)
+OUTSIDE: Final = "outside"
+"""The `cause` of a run that failed for a cause outside itself: it is done again at the next start."""
 ORDER: Final = ("refused", "unknown", "named", "none")  # The verdicts, those that need a look first
 LEAST_OTHERS: Final = 4  # series beside one that show whether it is unlike them
 LEAST_ALIKE: Final = 3  # series that make an answer usual
@@ -48,7 +50,7 @@ class SeriesAnswer:
 
 
 def answer_of(name: str, row: Mapping[str, Any], report: str) -> SeriesAnswer:
-    result, error = row.get("result", {}), str(row.get("error", "")).removeprefix("ValueError: ")
+    result, error = row.get("result", {}), reason_of(row).removeprefix("ValueError: ")
     effects, found = list(result.get("effects", [])), result.get("error", {})
     part = "holdout" if any(value is not None for value in found.get("holdout", {}).values()) else "train"
     errors = {stage: _number(found.get(part, {}).get(stage)) for stage in STAGES}
@@ -69,6 +71,12 @@ def answer_of(name: str, row: Mapping[str, Any], report: str) -> SeriesAnswer:
         better=errors["nominal"] / errors["augmented"] if errors["augmented"] > 0 else math.nan,
         weak=frozenset(found["id"] for found in result.get("findings", []) if found["severity"] == "weakens"),
     )
+
+
+def reason_of(row: Mapping[str, Any]) -> str:
+    """Why the run of a row failed, "" where it did not; and that the next start does it again, where it does."""
+    error = str(row.get("error", ""))
+    return TEXT("again", error=error) if row.get("cause") == OUTSIDE else error
 
 
 def _class_words(effect: Mapping[str, Any]) -> str:

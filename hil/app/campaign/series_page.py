@@ -16,8 +16,10 @@ _COUNTED: Final = ("named", "none", "unknown", "refused")
 WIDTH, EDGE = 230, 9  # pixels of the drawing of a series
 
 
-def page_html(answers: Sequence[SeriesAnswer]) -> str:
-    """One self-contained page without scripts; links to each series' own report beside it."""
+def page_html(answers: Sequence[SeriesAnswer], missing: int = 0, version: str = "") -> str:
+    """One self-contained page without scripts; links to each series' own report beside it. Series that are still
+    `missing` are told, and the `version` of the program.
+    """
     lacks = lacking(answers)
     alike: dict[str, list[SeriesAnswer]] = {}
     for answer in answers:
@@ -30,7 +32,8 @@ def page_html(answers: Sequence[SeriesAnswer]) -> str:
     return page(
         "series.html.j2",
         headline=headline(answers),
-        lead=_lead(answers),
+        lead=" ".join([*[TEXT("missing", count=missing)] * bool(missing), _lead(answers)]),
+        version=version,
         lacking=lacks,
         bar=160 / max((named + part for _, named, part in lacks), default=1),
         disagreeing=alike,

@@ -14,7 +14,9 @@ from multiprocessing import active_children, get_context
 from typing import Any, Final, Protocol
 
 from controller.model.control_model import ControlModel
+from hil.app.campaign.series_answers import OUTSIDE, TEXT
 from hil.app.cluster import program_version
+from hil.app.console import note, printable
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
 from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
 from hil.app.sil.sil import judged
@@ -27,8 +29,6 @@ from models.workers import end_with_parent
 
 TRIES: Final = 3  # workers that a run may cost
 PASSING: Final = ("files", "worker")  # what a row has until it is on file
-OUTSIDE: Final = "outside"
-"""The `cause` of a run that failed for a cause outside itself: it is done again at the next start."""
 LONGEST_S: Final = 1e6  # that a run may be allowed to last
 _STARTS_S: Final = 60.0  # longest start of a worker
 Row = dict[str, Any]
@@ -105,11 +105,21 @@ def run_job(job: Job) -> Row:
             row["result"] = job.result()
             row["files"] = row["result"].pop("files", {})
     except Exception as error:  # noqa: BLE001 - one run that fails is a result of the campaign, not its end
-        words = file_trouble(error) if isinstance(error, OSError) else " ".join(str(error).split())[:300]
+        words = file_trouble(error) if isinstance(error, OSError) else str(error)
+        words = printable(" ".join(words.split())[:300])
         row["error"] = words if isinstance(error, OSError | ValueError) else f"{type(error).__name__}: {words}"
-        row |= {"cause": OUTSIDE} if isinstance(error, OSError | MemoryError | ImportError) else {}
+        row |= {"cause": OUTSIDE} if _from_outside(error) else {}
     row["seconds"] = round(time.perf_counter() - began, 3)
     return row
+
+
+def _from_outside(error: BaseException | None) -> bool:
+    """Whether the system refused something, then or before the error was put in words."""
+    if error is None:
+        return False
+    # one without a number, as of a bad archive, lies in the file
+    refused = isinstance(error, MemoryError | ImportError) or (isinstance(error, OSError) and bool(error.errno))
+    return refused or _from_outside(error.__context__)
 
 
 def pooled(parts: Iterable[Sequence[Job]], workers: int, limit_s: float = LONGEST_S) -> Iterator[list[Row]]:
@@ -154,6 +164,7 @@ def _ended(flying: Mapping[Future[list[Row]], tuple[float, Sequence[Job]]]) -> s
     left = min(ends for ends, _ in flying.values()) - time.monotonic()
     done = wait(flying, timeout=max(left, 0.0), return_when=FIRST_COMPLETED).done
     if not done:
+        note(TEXT("silent"))
         for child in active_children():
             child.kill()
     return done

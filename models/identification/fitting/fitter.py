@@ -86,7 +86,7 @@ class Fitter:
         """
         final = Fitter.of(self.kind, self.records, self.effects, self.kind.final)
         best = final.near(start, SET.fine, SET.rounds)
-        more = self.axes and self.kind.beginnings_s and not best.by_chance
+        more = self.axes and self.kind.beginnings_s and not best.by_chance and best.jacobian.any()
         for seed in range(SET.ways_down if more else 0):
             some = final.lowest(self.lowest(final._likely(best, seed), SET.down_ranked), SET.down_from)
             again = min(each(lambda point: final.near(point, SET.fine, SET.rounds), some), key=attrgetter("cost"))

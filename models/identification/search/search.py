@@ -189,7 +189,7 @@ def _ended(kind: Kind, found: Search, most: int) -> str:
         return "most"
     if time.monotonic() > found.ends_s:
         return "time"
-    possible = float(np.log(found.after / found.null_cost))
+    possible = float(np.log(found.after / found.null_cost)) if found.null_cost else np.inf  # a scale hides all noise
     return "form" if found.effects and possible <= _wanted(kind, found) else ""
 
 

@@ -266,7 +266,7 @@ RECORD_FAULTS = {
     "unit": (lambda text: text.replace("position_m", "position_mm"), "'position_m', in m; got 'position_mm'"),
     "time": (lambda text: text.replace("\n0.5", "\n0.3"), "line 52: t_s must increase"),
     "not a number": (
-        lambda text: text.replace("\n0.50,0.0050", "\n0.50,nan"),
+        lambda text: text.replace("\n0.50,0.0050", "\n0.50,none at all"),
         "line 52: position_m must be a finite number",
     ),
     "short": (lambda text: text[:500], "must have"),

@@ -58,6 +58,16 @@ def test_asc_with_negative_stamps_has_all_its_frames(tmp_path: Path) -> None:
     assert found["t_s"] + 1 == pytest.approx(wanted["t_s"], abs=3e-6)
 
 
+def test_asc_of_differences_is_summed(tmp_path: Path) -> None:
+    head = ["date Sun Mar 1 12:30:00.000 2026", "base hex  timestamps relative", "internal events logged"]
+    rows = [f"{steps(one):10.6f} 1  {one.id:X}             Rx   d {len(one.data)} {data(one)}" for one in FRAMES]
+    (tmp_path / "a.asc").write_text("\n".join([*head, *rows]) + "\n")
+    found = log_record(tmp_path / "a.asc", Rig("magnetic"))
+    wanted = log_record(blf(tmp_path / "a.blf", FRAMES), Rig("magnetic"))
+    assert found["t_s"] == pytest.approx(wanted["t_s"], abs=3e-6)
+    assert any("differences" in note for note in found.notes)
+
+
 def test_a_screen_without_stamps_and_strange_lines_are_told(tmp_path: Path) -> None:
     path = tmp_path / "a.log"
     path.write_text("\n".join(screen("", one).replace("()", "") for one in FRAMES))
@@ -74,3 +84,15 @@ def test_refused_frames_are_counted(tmp_path: Path) -> None:
     assert {one.why for one in found.left_out} >= {"refused"}
     assert len(found) > 180
     assert "repeated" in next(one.sentence for one in found.left_out if one.why == "refused")
+
+
+def test_a_line_that_is_cut_off_is_told(tmp_path: Path) -> None:
+    head = [";$FILEVERSION=1.1", ";$STARTTIME=46000.5", ";"]
+    rows = [
+        f"{k:6d})  {1e3 * one.time_s:11.1f}  Rx         {one.id:04X}  {len(one.data)}  {data(one)} "
+        for k, one in enumerate(FRAMES, 1)
+    ]
+    text = "\r\n".join([*head, *rows])
+    (tmp_path / "a.trc").write_text(text[:-15])
+    (note,) = log_record(tmp_path / "a.trc", Rig("magnetic")).notes
+    assert f"1 of {len(FRAMES)} lines" in note

@@ -1,12 +1,16 @@
 """A pause of a record counts in no fit, nor does the travel after it until a body has settled."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from models.checks.examine import examine
 from models.checks.usable import cleaned, used
-from models.records.record import record_of
+from models.records.record import read_record, record_of
+from models.rigs.reader import read_rig
 from models.rigs.rig import Rig
+from tests.plant.series import make_series
 
 T = 0.005 * np.arange(4000)
 THERE = (T < 8) | (T > 11)
@@ -35,6 +39,15 @@ def test_a_pause_is_no_jump() -> None:
     record = record_of("one", {name: values[THERE] for name, values in columns.items()}, Rig("magnetic"))
     assert "pause" in {one.id for one in examine(Rig("magnetic"), [record])}
     assert "place_jumps" not in {one.id for one in examine(Rig("magnetic"), [record])}
+
+
+def test_a_pause_is_no_drift_of_clocks(tmp_path: Path) -> None:
+    out = make_series("magnetic", None, 3, tmp_path, 20.0)
+    rig = read_rig(out / "rig.toml")
+    record = read_record(out / "train_1.csv.gz", rig)
+    assert examine(rig, [record]) == ()
+    there = (record["t_s"] < 8) | (record["t_s"] > 13)
+    assert {one.id for one in examine(rig, [record.rows(there)])} == {"pause"}
 
 
 def test_where_nothing_brings_a_body_back_the_longest_stretch_is_used() -> None:

@@ -46,6 +46,25 @@ def test_lag_size_and_sign_of_a_logged_speed_are_told(speed: np.ndarray, said: s
     assert all(word in found["speed_apart"] or word == "19." for word in said.split())
 
 
+@pytest.mark.parametrize(
+    ("name", "values", "said"),
+    [
+        ("encoder_mm", 1e3 * np.interp(T - 0.01, T, X), "times position_m and 10 ms late"),
+        ("encoder_mm", 1e3 * X, 'position_m = {column = "encoder_mm", unit = "mm"}'),
+        ("acceleration_m_s2", -np.gradient(V, T), "times the acceleration of position_m"),
+        ("speed_2_m_s", 0.1 * V, "is 0.1 times the speed of position_m"),
+        ("reference_position_m", np.interp(T + 0.007, T, X), ""),
+        ("load_cell_2_mN", 1e3 + 50 * np.sin(T), ""),
+    ],
+)
+def test_every_column_that_repeats_another_is_told(name: str, values: np.ndarray, said: str) -> None:
+    noise = 1e-4 * np.std(values) * np.random.default_rng(1).standard_normal(len(T))
+    record = axis()
+    found = told(record.with_column(name, values + (0.0 if "column =" in said else noise)))
+    assert list(found) == (["column_repeated"] if said else [])
+    assert said in found.get("column_repeated", "")
+
+
 def test_an_encoder_that_slips_is_told_and_taken_out() -> None:
     slips = np.where(T > 7.003, 0.01, 0.0) + np.where(T > 13.007, -0.004, 0.0)
     record = axis(X + slips)

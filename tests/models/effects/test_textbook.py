@@ -61,7 +61,7 @@ TEXTBOOK: dict[str, list[Any]] = {
     # axes: Dahl 1976; heat of friction; statics; cogging; two masses on a spring
     "presliding": [equal(Formula("s_F"), z), equal(Formula("z'"), v / d * abs(1 - z * sgn(v)) ** n)],
     "warming": [equal(LEVEL, 1 - a * (1 - exp(-s / L)))],
-    "load_force": [equal(F_EXTRA, c * N * (1 + g * x))],
+    "load_force": [equal(F_EXTRA, c * N * (1 + g * (x - x_m)))],
     "torque_ripple": [
         equal(F_EXTRA, -(A * sin(q) + (Formula("b_2") * sin(2 * q) + Formula("c_2") * cos(2 * q)))),
         ("q", PI_2 * x / L + phi),

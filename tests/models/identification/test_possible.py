@@ -128,6 +128,16 @@ def test_the_force_that_a_model_lacks(kind: str, command: str) -> None:
     assert 0.1 < lacks["time_s"] < 5.0
 
 
+def test_where_no_friction_moves_a_run_no_force_is_lacking() -> None:
+    rig = parse_rig({**tomllib.loads(GUT), "rig": {"kind": "coil", "force_constant_N_per_A": 0.5}}, "rig file")
+    t = 0.01 * np.arange(2000.0)
+    still = {"t_s": t, "coil_current_A": 1e-3 * np.sin(t), "position_m": 1e-3 * np.sin(t)}
+    record = record_of("still", still, rig)
+    kind = kind_for(rig, [record])
+    assert isinstance(kind, SeriesKind)
+    assert left_by(replace(kind, noise_std=1e-6), [record], kind.nominal()) == {}
+
+
 def judged(verdict: str, worse: dict[str, str]) -> Judged:
     return Judged(verdict, (), (), {}, 0.0, worse)
 

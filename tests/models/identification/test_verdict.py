@@ -7,7 +7,7 @@ from models.checks.finding import RecordFinding
 from models.effects.drive import CarriageBacklash
 from models.effects.effect import Effect
 from models.effects.force import Respiration, StressRelaxation
-from models.effects.friction import FoldPeriodic, Stribeck
+from models.effects.friction import FoldPeriodic, Preconditioning, Stenosis, Stribeck, TissueDrying
 from models.identification.finding import Check, Fitted
 from models.identification.fitting.fit import Fit
 from models.identification.kinds.axis.axis import AxisKind
@@ -20,6 +20,7 @@ from models.identification.verdict import (
     periods_of,
     setback_findings,
     setbacks,
+    unshown,
     verdict_of,
     within,
 )
@@ -194,5 +195,35 @@ def test_a_wavelength_that_the_covered_way_does_not_repeat_is_not_named(records:
     found = Search(fit(theta), fit(theta), effects=["fold_periodic"], after=1.0)
     size = Theta.of({("fold_periodic", "depth"): Fitted(0.3, (0.2, 0.4))})
     for way, wrong in ((6e-3, {"periods"}), (15e-3, set())):
-        periods = periods_of(pull, found.effects, theta, [travelled(way)] * records)
+        some = [travelled(way)] * records
+        periods = periods_of(pull, found.effects, theta, some)
         assert failed(*checks_of_model(pull, found, size, HELD, (), periods)) == wrong
+        open_ = unshown(pull, found.effects, theta, some)
+        assert open_ == (
+            {("fold_periodic", "wavelength_m"): (pytest.approx(way / 2, rel=1e-3), 0.016)} if wrong else {}
+        )
+    apart = [travelled(6e-3), travelled(6e-3).with_column("position_m", travelled(6e-3)["position_m"] + 0.1)]
+    assert periods_of(pull, found.effects, theta, apart)[("fold_periodic", "wavelength_m")] == pytest.approx(
+        7.3 / 6, rel=1e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "value", "covered"),
+    [
+        (TissueDrying, "settling_s", 30.0, 12.0),
+        (Preconditioning, "length_m", 0.05, 12e-3),
+        (Stenosis, "centre_m", 0.02, 6e-3),
+        (StressRelaxation, "time_s", 15.0, 12.0),
+    ],
+)
+@pytest.mark.parametrize("records", [1, 48])
+def test_a_range_that_the_records_do_not_cover_is_left_open(
+    effect: type[Effect], name: str, value: float, covered: float, records: int
+) -> None:
+    pull, some = SeriesKind.from_rig(Rig("pull"), []), [travelled(6e-3, 12.0)] * records
+    theta = pull.nominal().with_(effect.id, effect.start())
+    low, high = unshown(pull, [effect.id], theta | {(effect.id, name): value}, some)[(effect.id, name)]
+    assert low == pytest.approx(covered, rel=0.1)
+    assert high == next(p.upper for p in effect.parameters() if p.name == name)
+    assert (effect.id, name) not in unshown(pull, [effect.id], theta | {(effect.id, name): 0.4 * covered}, some)

@@ -143,15 +143,42 @@ def test_a_measured_column_may_be_empty_where_nothing_was_measured(tmp_path: Pat
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (SPARSE.replace("0.000090", "nan"), "line 3: position_m must be a finite number; got 'nan'"),
         (SPARSE.replace("0.000090", "lost"), "line 3: position_m must be a finite number; got 'lost'"),
-        (SPARSE.replace("0.0010,", ","), "line 12: carriage_position_m must be a finite number; got ''"),
         ("".join(SPARSE.splitlines(True)[:270]), "position_m must hold a number in at least 100 rows; got 68 in 270"),
     ],
 )
-def test_only_an_empty_cell_of_a_measured_column_is_none(tmp_path: Path, content: str, said: str) -> None:
+def test_only_a_cell_of_none_is_none(tmp_path: Path, content: str, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         read(tmp_path, MAGNETIC + content, "magnetic")
+
+
+@pytest.mark.parametrize("none", ["", "NaN", "null"])
+def test_rows_without_a_stamp_or_a_driven_value_are_told(tmp_path: Path, none: str) -> None:
+    whole = read(tmp_path, HEADER + ROWS)
+    for cell, why in (("\n0.50,", "stamps_astray"), ("0.0050,", "no_number")):
+        spoilt = ROWS.replace(cell, cell.replace(cell.strip("\n,"), none))
+        record = read(tmp_path, HEADER + spoilt)
+        assert [(one.why, one.where[:7]) for one in record.left_out] == [(why, "line 52")]
+        assert record["position_m"] == pytest.approx(
+            np.interp(record["t_s"], whole["t_s"], whole["position_m"]), abs=1e-9
+        )
+    with pytest.raises(ValueError, match="line 2: t_s must be a finite number; got none in 20 of 200 rows"):
+        read(tmp_path, HEADER + re.sub(r"(?m)^\d\.\d0,", none + ",", ROWS))
+
+
+def test_a_table_of_columns_with_clocks_of_their_own_is_read_as_such(tmp_path: Path) -> None:
+    t = 0.005 * np.arange(2000)
+    away = (t > 4) & (t < 6)
+    rows = [
+        f"{at:.3f}," + (f"{s:.6f},\n" if k % 2 else f",{c:.6f}\n")
+        for k, (at, s, c) in enumerate(zip(t, np.sin(t), np.cos(t), strict=True))
+    ]
+    kept = [row for row, gone in zip(rows, away, strict=True) if not gone or row.endswith(",\n") is False]
+    record = read(tmp_path, "t_s,carriage_position_m,position_m\n" + "".join(kept), "magnetic")
+    assert len(record) == pytest.approx(800, abs=3)
+    assert record["carriage_position_m"] == pytest.approx(np.sin(record["t_s"]), abs=2e-5)
+    assert record["position_m"] == pytest.approx(np.cos(record["t_s"]), abs=2e-6)
+    assert "carriage_position_m has no samples there" in " ".join(record.said)
 
 
 @pytest.mark.parametrize(
@@ -175,9 +202,7 @@ def test_only_an_empty_cell_of_a_measured_column_is_none(tmp_path: Path, content
         ("period_s,valley_N,peak_N\n" + ROWS, "columns of kind periods"),
         (HEADER + ROWS.replace("\n1.5", "\n1.2"), "line 152: t_s must increase; got 1.2 after 1.49"),
         (HEADER + re.sub(r"\n1\.5\d", "\n1.49", ROWS), "line 152: t_s must increase"),
-        (HEADER + ROWS.replace("0.0015,", "nan,"), "line 17: position_m must be a finite number; got 'nan'"),
         (HEADER + ROWS.replace("0.0015,", "abc,"), "line 17: position_m must be a finite number; got 'abc'"),
-        (HEADER + ROWS.replace("0.0015,", ","), "line 17: position_m must be a finite number; got ''"),
         (HEADER + ROWS.replace("0.0015,", "inf,"), "line 17: position_m must be a finite number; got 'inf'"),
         (HEADER + ROWS.replace("0.0015,", ""), "line 17: row must have 3 values as the header has; got 2"),
         (
@@ -380,6 +405,9 @@ def test_a_labview_measurement_states_its_units_and_its_clock(tmp_path: Path, wi
     record = read_record(path, mapped(proposed))
     assert record["t_s"] == pytest.approx(0.01 * np.arange(100))
     assert record["position_m"] == pytest.approx(1e-4 * np.arange(100))
+    path.write_text(LVM + "\n".join(rows[:60]) + "\n")
+    with pytest.raises(ValueError, match="must hold the 100 samples that it states; got 60: it is cut off"):
+        read_record(path, mapped(proposed))
 
 
 def test_a_further_column_that_is_nearly_ours_is_left_out_with_a_word(tmp_path: Path) -> None:
@@ -388,3 +416,9 @@ def test_a_further_column_that_is_nearly_ours_is_left_out_with_a_word(tmp_path: 
     record = read_record(path, Rig("axis"))
     assert sum("is left out" in note for note in record.notes) == 2
     assert "velocity_m_s" not in record.columns
+    path.write_text("t_s,position_m,force_N,load_N,velocity_m_s\n" + ROWS.replace("\n", ",off,\n"))
+    assert sum("is left out" in note for note in read_record(path, Rig("axis")).notes) == 2
+    path.write_text("position_m,force_N\n" + re.sub(r"(?m)^[^,]*,", "", ROWS))
+    with pytest.raises(ValueError, match="must have the column t_s") as refused:
+        read_record(path, Rig("axis"))
+    assert "t_s = {rate_Hz = ...}" in refused.value.__notes__[0]

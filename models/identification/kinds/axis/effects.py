@@ -151,7 +151,12 @@ def _ranges(size: Size) -> Mapping[str, Ranges]:
         ),
         "gravity_over_angle": Ranges({"torque_N_m": (0.0, -10 * f, 10 * f)}, probe=0.1 * f),
         "spring_over_position": Ranges({"stiffness_N_per_m": (0.0, -20 * f / s, 20 * f / s)}, probe=0.1 * f / s),
-        "load_force": Ranges({"slope_per_m": (0.0, -2 / s, 2 / s)}),
+        "load_force": Ranges(
+            {
+                "slope_per_m": (0.0, -2 / s, 2 / s),
+                "middle_m": (0.5 * (size.low + size.high), size.low, size.high),
+            }
+        ),
         "presliding": Ranges({"distance_m": (0.0, 0.0, 0.3 * s)}, probe=0.003 * s),
         "torque_ripple": Ranges(
             {

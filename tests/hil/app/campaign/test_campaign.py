@@ -16,11 +16,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.app.campaign import running
 from hil.app.campaign.file import laid_over, load_campaign, nested
 from hil.app.campaign.page import Runs, page_html
-from hil.app.campaign.running import Results
+from hil.app.campaign.running import Results, run_missing
 from hil.app.campaign.worker import TRIES, Loop, pooled, run_job
-from hil.app.cluster import program_version
+from hil.app.cluster import Workers, program_version
 from hil.app.main import run
 from models.theta import Theta
 from tests.hil.app.campaign.campaigns import CAMPAIGN, CASES, RUNS, rows_of, untimed
@@ -139,6 +140,10 @@ def test_two_processes_do_not_write_one_file(tmp_path: Path) -> None:
     Results(tmp_path / "results.jsonl", "x").close()
 
 
+def row(number: int) -> dict[str, Any]:
+    return {"run": number, "seed": 0, "point": {}, "seconds": 0.1, "version": "", "result": {}}
+
+
 @given(st.lists(st.lists(st.integers(0, 30), max_size=5), max_size=8), st.integers(0, 400))
 def test_a_file_cut_anywhere_keeps_its_whole_lines(
     tmp_path_factory: pytest.TempPathFactory, parts: list[list[int]], cut: int
@@ -146,17 +151,60 @@ def test_a_file_cut_anywhere_keeps_its_whole_lines(
     path = tmp_path_factory.mktemp("results") / "results.jsonl"
     results = Results(path, "f")
     for part in parts:
-        results.add([{"run": number, "result": {}} for number in part])
+        results.add(map(row, part))
     results.close()
     whole = path.read_bytes()
     path.write_bytes(whole[:cut])
     again = Results(path, "f")
     kept = whole[:cut].count(b"\n")
     assert len(again.done) == max(kept - 1, 0)
-    again.add([{"run": number} for part in parts for number in part])
+    again.add(row(number) for part in parts for number in part)
     again.close()
     numbers = [json.loads(line)["run"] for line in path.read_bytes().splitlines()[1:]]
     assert sorted(numbers) == sorted({number for part in parts for number in part})
+
+
+@pytest.mark.parametrize(
+    "damage", [b"\0" * 40, b"{}", b'{"run": 1, "result": {}}', b'{"run": 1, "seed": 0, "poi', b"[1]", b"\xff"]
+)
+def test_lines_that_are_no_rows_are_left_out_and_their_runs_done_again(
+    tmp_path: Path, damage: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "results.jsonl"
+    with Results(path, "f") as results:
+        results.add(map(row, (0, 1, 2)))
+    lines = path.read_bytes().split(b"\n")
+    path.write_bytes(b"\n".join([*lines[:2], damage, *lines[3:]]))
+    with Results(path, "f") as again:
+        assert sorted(again.done) == [0, 2]
+        assert "1 line is not of a campaign and is left out" in capsys.readouterr().err
+        again.add([row(1)])
+        assert sorted(one["run"] for one in again.rows()) == [0, 1, 2]
+
+
+@pytest.mark.parametrize("text", ["my own notes", "my own\nnotes\n", '{"another": 1}\n'])
+def test_a_file_of_somebody_else_is_left_as_it_is(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "results.jsonl"
+    path.write_text(text)
+    with pytest.raises(ValueError, match="results must be"):
+        Results(path, "f")
+    assert path.read_text() == text
+
+
+@pytest.mark.parametrize(
+    "answer", [None, [], ["garbage"], [{"run": 0}], [row(7)], [row(0), row(0)], [{**row(0), "point": "x"}], [row(0)]]
+)
+def test_a_worker_that_answers_garbage_loses_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: Any
+) -> None:
+    def answering(*_: Any, **__: Any) -> Any:
+        return iter([answer])
+
+    monkeypatch.setattr(running, "pooled", answering)
+    with Results(tmp_path / "results.jsonl", "f") as results:
+        with pytest.raises(ValueError, match=r"workers must answer with .*rows? "):
+            run_missing("c", range(2), lambda k: job(k, {}), results, 1, Workers(1))
+        assert set(results.done) <= {0}
 
 
 def job(number: int, raw: dict[str, Any]) -> Loop:
@@ -179,13 +227,20 @@ def test_a_run_that_kills_its_worker_costs_no_other_run() -> None:
     assert all(rows[number].startswith("rig.kind") for number in (0, 1, 3, 4))
 
 
-def test_a_run_that_fails_is_a_row_and_the_worst_case() -> None:
+def test_runs_that_fail_are_told_with_their_reason_and_hide_no_worst_case() -> None:
     row = run_job(job(7, {"rig": {"kind": "nothing"}}))
     good = {"run": 1, "point": {}, "result": {"tracking_rmse_m": 1.0, "faults": [], "hard_violations": 2}}
-    runs = Runs([good, row], "tracking_rmse_m")
-    assert runs.worst[0] is row
+    silent = {"run": 2, "point": {}, "result": {"tracking_rmse_m": None}}
+    runs = Runs([good, silent, *({**row, "run": 7 + k} for k in range(20))], "tracking_rmse_m")
+    assert runs.worst == [good]
     numbers = runs.summary()
-    assert (numbers["runs"], numbers["failed"], numbers["max"], numbers["hard_violations"]) == (2, 1, 1.0, 2)
+    assert (numbers["runs"], numbers["failed"], numbers["max"], numbers["hard_violations"]) == (22, 21, 1.0, 2)
+    outside = Runs([{**row, "cause": "outside", "error": "no space left"}], "tracking_rmse_m")
+    assert list(outside.failures) == ["no space left; the next start does it again"]
+    assert {failure.error: failure.count for failure in runs.failures.values()} == {
+        row["error"]: 20,
+        "its result has no number tracking_rmse_m": 1,
+    }
 
 
 def test_the_bus_is_another_engine(campaign: Path) -> None:

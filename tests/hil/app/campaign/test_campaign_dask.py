@@ -98,7 +98,7 @@ def test_a_run_that_kills_its_workers_is_a_row_and_costs_no_other(failing: dict[
     poison = failing["poison"]
     assert poison["status"] == 0, poison["said"]
     assert failing["left"] == 1
-    rows = json.loads(poison["said"])
+    rows = json.loads(poison["said"].splitlines()[-1])
     assert sorted(row["run"] for row in rows) == [0, 1, 2]
     errors = {row["run"]: row["error"] for row in rows}
     assert errors[0] == "its worker died 1 times"

@@ -1,7 +1,10 @@
 """Rows of a campaign: of one program, done again where the cause lay outside, few bytes whatever their number."""
 
+import gzip
 import json
 import os
+import shutil
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +22,7 @@ from hil.app.campaign.series import find_series
 from hil.app.campaign.worker import Loop, pooled, run_job
 from hil.app.cluster import Workers, program_version
 from hil.app.main import run
+from models.sets import measured_path
 from models.theta import Theta
 from tests.hil.app.campaign.campaigns import RUNS, rows_of
 from tests.hil.app.campaign.test_campaign_folders import write_axis
@@ -146,15 +150,49 @@ def test_a_stopped_worker_is_killed_and_its_runs_are_done_again(
 def test_names_that_are_no_text_or_command_a_terminal_are_written_as_codes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    name = os.fsdecode(b"r\xfcck\x1b[31m")
-    write_axis(tmp_path / "lab" / name, 1)
-    assert run(["campaign", str(tmp_path / "lab"), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    """Each has a line and a report of its own: also a long one, a copy, one that looks like another, and a refused."""
+    names = {b"r\xfcck\x1b[31m": "named", rb"r\xfcck\u001b[31m": "named", b"a\nb": "named", b"\xff" * 90: "named"}
+    for name, verdict in {**names, b"copy": "named", b"bad\xfe": "refused"}.items():
+        folder = tmp_path / "lab" / os.fsdecode(name)
+        folder.mkdir(parents=True)
+        kind = "periods" if verdict == "named" else "periodz"
+        (folder / "rig.toml").write_text(f'[rig]\nkind = "{kind}"\nvelocity_m_s = 0.5e-3\n')
+        shutil.copy(measured_path("analytical_table2_periods"), folder / os.fsdecode(b"run\xfc.csv"))
+    assert run(["campaign", str(tmp_path / "lab"), "--out", str(tmp_path / "out"), "--workers", "1"]) == 1
     said = capsys.readouterr()
     assert "\x1b[31m" not in said.out + said.err
-    [one] = json.loads((tmp_path / "out" / "campaign.json").read_text())["series"]
-    assert one["name"] == r"r\xfcck\u001b[31m"
-    assert (tmp_path / "out" / one["report"] / "report.html").is_file()
-    assert r"r\xfcck\u001b[31m" in (tmp_path / "out" / "campaign.html").read_text()
+    series = json.loads((tmp_path / "out" / "campaign.json").read_text())["series"]
+    shown = {one["name"]: one for one in series}
+    assert [one["verdict"] for one in series].count("named") == 5
+    assert sum(name.startswith(r"r\xfcck\u001b[31m ") for name in shown) == 2
+    assert shown[r"a\nb"]["verdict"] == "named"
+    assert shown[r"bad\xfe"]["refused"].endswith("did you mean 'periods'?")
+    reports = {one["report"] for one in series if one["verdict"] == "named"}
+    assert len(reports) == 5
+    for report in reports:
+        assert (tmp_path / "out" / report / "report.html").is_file()
+        assert (
+            tomllib.loads((tmp_path / "out" / report / "model.toml").read_text())["provenance"]["records"] == r"run\xfc"
+        )
+    page = (tmp_path / "out" / "campaign.html").read_text()
+    assert r"r\xfcck\u001b[31m" in page
+    assert program_version() in page
+
+
+@pytest.mark.parametrize("kept", [OSError(13, "denied"), gzip.BadGzipFile("no gzip"), None])
+def test_a_cause_that_was_put_in_words_is_still_told(monkeypatch: pytest.MonkeyPatch, kept: Exception | None) -> None:
+    """What the system refuses lies outside; a file that is no archive is wrong itself."""
+
+    def fails(_: Loop) -> Any:
+        try:
+            raise kept or KeyError
+        except Exception:  # noqa: BLE001
+            raise ValueError("a file must be one that can be read\nat all") from None
+
+    monkeypatch.setattr(Loop, "result", fails)
+    row = run_job(loop(0))
+    assert (row.get("cause") == "outside") is (type(kept) is PermissionError)
+    assert row["error"] == "a file must be one that can be read at all"
 
 
 def test_what_is_there_is_shown_while_the_campaign_runs(campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,6 +40,11 @@ def test_converted_rows_are_those_that_are_read(tmp_path: Path, capsys: pytest.C
     said = capsys.readouterr().err
     assert "carriage_position_m has no samples there, for up to 2" in said
     assert "1 of 3000 stamps of position_m do not fit" in said
+    table, again = tmp_path / "a.parquet", tmp_path / "b.csv"
+    assert run(["convert", str(log), str(table)]) == 0
+    assert "1 of 3000 stamps of capsule/x do not fit" in capsys.readouterr().err
+    assert run(["convert", str(table), str(again), "--rig", str(rig)]) == 0
+    assert again.read_bytes() == out.read_bytes()
     belief = read_rig(rig)
     wanted, found = (as_measured(read_rig_record(path, belief)) for path in (log, out))
     assert wanted.keys() == found.keys()

@@ -57,12 +57,15 @@ class ClosedLoop:
         controller: str,
         offer: Offer | None = None,
         others: Mapping[str, ControlModel] = MappingProxyType({}),
+        watched: bool = True,
     ) -> None:
-        """Raises ValueError for a controller that cannot lead this rig."""
+        """Unless `watched`, no monitor judges the model. Raises ValueError for a controller that cannot lead this
+        rig.
+        """
         envelope = envelope_of(model.drive, asked.limits)
         self.asked, self.tick_s = asked, model.tick_s
         self.supervisor = supervisor_of(controller, model, envelope)
-        beside: dict[str, Any] = {"estimator": asked.estimator, "others": others}
+        beside: dict[str, Any] = {"estimator": asked.estimator, "others": others, "watched": watched}
         self.estimator = ModelSwitch(self.supervisor, controller, model, offer, **beside)
         self._watch = Contradiction(envelope, asked.noise_m, friction_command(model, envelope))
         self._commands: list[float] = []

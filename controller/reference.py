@@ -34,17 +34,17 @@ class Trajectory:
         return np.asarray(np.interp(np.asarray(t, dtype=float) / STEP_S, self._grid, self.positions))
 
     def speed(self, t: Array) -> Array:
-        at = np.minimum(np.maximum(np.asarray(t, dtype=float) / STEP_S + (1 + 1e-9), 0.0), float(self.positions.size))
-        return np.asarray(self._steps[at.astype(np.int64)] / STEP_S)
+        at = np.asarray(t, dtype=float) / STEP_S + (1 + 1e-9)
+        return np.asarray(self._speeds.take(at.astype(np.int64), mode="clip"))
 
     @cached_property
     def _grid(self) -> Array:
         return np.arange(float(self.positions.size))
 
     @cached_property
-    def _steps(self) -> Array:
-        """Change from each position to the next (n + 1,), 0 before the first and after the last."""
-        return np.concatenate([[0.0], np.diff(self.positions), [0.0]])
+    def _speeds(self) -> Array:
+        """Speed from each position to the next (n + 1,), 0 before the first and after the last."""
+        return np.concatenate([[0.0], np.diff(self.positions), [0.0]]) / STEP_S
 
 
 def by_speeds(

@@ -93,15 +93,18 @@ class ModelSwitch:
         deadline_s: float = math.inf,
         estimator: str = "default",
         others: Mapping[str, ControlModel] = MappingProxyType({}),
+        watched: bool = True,
     ):
-        """Raises ValueError for a model that this controller cannot use, or one with another tick."""
+        """Unless `watched`, no monitor judges the model. Raises ValueError for a model that this controller cannot use,
+        or one with another tick.
+        """
         self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
         self._estimator = estimator
         self._present = supervisor.observer_for(controller, model, estimator)
         self._waiting: deque[Prepared] = deque()
         self.taken_at, self.switches = math.nan, 0
         self.origin_s = math.inf  # when the reference began, on the clock of `observe`
-        self._monitor = _monitor_of(self._present)
+        self._monitor = _monitor_of(self._present) if watched else None
         self.history: History | None = None
         self.switched: list[tuple[float, str]] = []
         self._beside = {name: self.prepare(Offer(other, Acceptance())) for name, other in others.items()}

@@ -218,10 +218,11 @@ def _killed(wire: Wire, rig: str) -> dict[str, Any]:
 
 
 def _counts(wire: Wire) -> dict[str, int]:
-    """How often each frame was heard."""
+    """How often each frame was heard since the controller's first."""
     names = {identifier: frame.name for identifier, frame in load_catalogue().by_id().items()}
     counts: dict[str, int] = {}
-    for message in wire.heard:
+    first = next((k for k, message in enumerate(wire.heard) if message.arbitration_id == wire.sync.id), 0)
+    for message in wire.heard[first:]:
         name = names.get(message.arbitration_id, "unknown")
         counts[name] = counts.get(name, 0) + 1
     return counts

@@ -90,15 +90,16 @@ def story(work: Path, environment: dict[str, str], tmp_path_factory: pytest.Temp
 def test_frames_pass_both_ways(story: dict[str, Any]) -> None:
     """All frames of a magnetic rig are on the kernel's bus, none of the others, at their rates."""
     frames, ticks = story["frames"], story["stopped"]["summary"]["ticks"]
-    assert set(frames) == {
-        "Sync",
-        "CarriageCommand",
+    asked = {"Sync", "CarriageCommand", "ControllerHeartbeat", "EnableAnswer"}
+    answered = {
         "CarriageFeedback",
         "CarriageHeartbeat",
+        "CarriageChallenge",
         "CapsuleLocalisation",
-        "ControllerHeartbeat",
         "LocaliserHeartbeat",
     }
+    shown = {"ModelHealth", "BelievedMotion", "WantedMotion", "BelievedForces"}
+    assert set(frames) == asked | answered | shown
     assert frames["Sync"] == frames["CarriageCommand"] == ticks
     assert frames["CarriageFeedback"] >= 0.9 * ticks
     summary = story["stopped"]["summary"]

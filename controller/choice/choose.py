@@ -7,7 +7,9 @@ from typing import Any, Final
 
 from controller.choice.trial import Mission, Outcome, tried
 from controller.choice.world import Possible
+from controller.drives import envelope_of
 from controller.model.control_model import ControlModel
+from controller.step.compiled import compiled
 from models.words.quantities import quantity
 from models.words.sentences import Sentences
 from models.workers import cores, each
@@ -62,8 +64,10 @@ class Row:
 
     @property
     def expected(self) -> float:
-        """The mean over the worlds that were tried."""
-        return sum(one.cost for one in self.outcomes.values()) / max(len(self.outcomes), 1)
+        """The mean over the worlds that were tried to the end, where there are any: others give a bound from below."""
+        tried = self.outcomes.values()
+        costs = [one.cost for one in tried if one.whole] or [one.cost for one in tried]
+        return sum(costs) / max(len(costs), 1)
 
 
 @dataclass(frozen=True)
@@ -105,8 +109,10 @@ class Comparison:
     def _try(self, pairs: Sequence[tuple[Row, str]], most_m: float = math.inf) -> None:
         """Fill in the outcomes of `pairs`, side by side. Each world has a seed of its own."""
         made = [(row.candidate, name, self._world(name, row.candidate.model)) for row, name in pairs]
-        for candidate, _, (world, _) in made:
-            _ = candidate.model.sharp.kernels, candidate.model.kernels, world.sharp.kernels
+        for candidate, _, (world, _) in made:  # once, before workers inherit them
+            model, limits = candidate.model, self._mission.limits
+            _ = model.sharp.kernels, model.kernels, world.sharp.kernels, world.sharp.measured
+            compiled(candidate.controller, model, envelope_of(model.drive, limits))
 
         def run(one: tuple[Candidate, str, Possible]) -> Outcome:
             candidate, name, world = one
@@ -128,7 +134,7 @@ class Comparison:
         most_m = HOPELESS * min((row.worst for row in plain), default=math.inf)
         self._try([(row, self._worlds[0]) for row in self.rows if row not in plain], most_m)
         left, losing = list(self.rows), list[Row]()
-        while left and (leading := self._least_worst(left)):
+        while left and (leading := self._least_worst(left, self._bearable_by_all() if losing else {})):
             lost = "" if leading in plain else next(filter(None, (self._loses(leading, row) for row in plain)), "")
             if not lost:
                 return losing[0] if losing and leading.candidate.refuted else leading
@@ -137,17 +143,41 @@ class Comparison:
             left.remove(leading)
         return min(self.rows, key=lambda row: row.candidate.rank)
 
-    def _least_worst(self, rows: Sequence[Row]) -> Row | None:
-        """The row of least worst error, of those equal within `TIE` the simplest; None where all break a limit."""
-        least = math.inf
+    def _least_worst(self, rows: Sequence[Row], most: Mapping[str, float]) -> Row | None:
+        """The row of least worst error, of those equal within `TIE` the simplest; None where all break a limit. A row
+        that is not plain has lost where its error in a world is above `most`: there it is tried first, and given up.
+        """
+        least = min((row.worst for row in rows if row.whole and not self._behind(row, most)), default=math.inf)
         for row in sorted(rows, key=lambda row: row.worst):
-            most_m = TIE * least
-            while row.worst <= most_m and not row.whole:
-                missing = [name for name in self._worlds if name not in row.outcomes or not row.outcomes[name].whole]
-                self._try([(row, name) for name in missing[: cores()]], most_m)
-            least = min(least, row.worst) if row.whole else least
+            own = {} if row.candidate.plain else most
+            while not row.whole and row.worst <= TIE * least and not self._behind(row, most):
+                tried = sorted(self._missing(row), key=lambda name: own.get(name, math.inf))[: cores()]
+                most_m = max(own.get(name, math.inf) for name in tried)
+                self._try([(row, name) for name in tried], min(TIE * least, most_m))
+            if row.whole and not self._behind(row, most):
+                least = min(least, row.worst)
         equal = [row for row in rows if row.whole and row.worst <= TIE * least < math.inf]
-        return min(equal, key=lambda row: row.candidate.rank, default=None)
+        return min((row for row in equal if not self._behind(row, most)), key=lambda r: r.candidate.rank, default=None)
+
+    def _missing(self, row: Row) -> list[str]:
+        """The worlds in which `row` was not tried to the end."""
+        return [name for name in self._worlds if name not in row.outcomes or not row.outcomes[name].whole]
+
+    def _behind(self, row: Row, most: Mapping[str, float]) -> bool:
+        """Whether a row that is not plain has an error above `most` in a world, which is noted."""
+        found = () if row.candidate.plain else row.outcomes.items()
+        lost = next((name for name, one in found if one.cost > most.get(name, math.inf)), "")
+        if lost:
+            self.lost.setdefault(row.candidate.stage, lost)
+        return bool(lost)
+
+    def _bearable_by_all(self) -> dict[str, float]:
+        """The error in m by world above which a row loses against a plain one that was tried in all of them."""
+        known = [row for row in self.rows if row.candidate.plain and row.whole and row.worst < math.inf]
+        return {
+            name: min((row.outcomes[name].cost + (TIE - 1) * row.worst for row in known), default=math.inf)
+            for name in self._worlds
+        }
 
     def _loses(self, leading: Row, plain: Row) -> str:
         """The first world in which the error of `leading` is above that of the `plain` row by more than the share `TIE`
@@ -159,7 +189,7 @@ class Comparison:
             if known is None or not (known.whole or known.cost >= most_m):
                 self._try([(plain, name)], most_m)
             if plain.outcomes[name].whole and plain.outcomes[name].cost < most_m:
-                self._try([(plain, other) for other in self._worlds if other not in plain.outcomes])
+                self._try([(plain, other) for other in self._missing(plain)])
                 if plain.outcomes[name].cost < self._bearable(leading, plain, name):
                     return name
         return ""

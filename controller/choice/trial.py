@@ -77,7 +77,8 @@ def loop_in(
     """The loop of `controller` with `model`, and the `world` around it, at rest at `place_m` at `begin_s`."""
     command = place_m if model.drive.anchored else 0.0
     asked = Asked(mission.reference, mission.limits, mission.seen.std_m, mission.estimator, begin_s, command)
-    return ClosedLoop(asked, model, controller), ModelWorld(world, mission.seen, seed, begin_s, place_m, command)
+    loop = ClosedLoop(asked, model, controller, watched=False)
+    return loop, ModelWorld(world, mission.seen, seed, begin_s, place_m, command)
 
 
 def ended(loop: ClosedLoop, capsule: ModelWorld) -> str:

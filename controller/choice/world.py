@@ -9,6 +9,7 @@ import numpy as np
 
 from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
+from controller.step.model_code import plain
 from models.theta import bare
 
 CURRENT: Final = "coil_current_A"
@@ -48,7 +49,8 @@ class ModelWorld:
         self._pushing, self._luck = world[1], np.random.default_rng([seed, 1])
         self._push_N = self._pushing.force_N * self._luck.standard_normal(1)
         self._keep = math.exp(-sharp.tick_s / self._pushing.time_s)
-        self._kernels, self._place = sharp.kernels, sharp.measured
+        self._kernels, self._gap_m = sharp.kernels, sharp.drive.gap_limit_m if sharp.drive.anchored else None
+        self._place = None if plain(sharp) else sharp.measured
         self._states = np.ascontiguousarray(sharp.initial(place_m, command)[None, :])
         self._command, self._seen, self._begin_s = command, seen, begin_s
         self._rng, self._samples = np.random.default_rng(seed), 0
@@ -75,7 +77,9 @@ class ModelWorld:
         seen, drive = self._seen, self._drive(until_s)
         if until_s - self._begin_s >= self._samples / seen.rate_Hz - 1e-9:
             self._samples += 1
-            value = float(self._place(self._past[0], until_s)) + seen.std_m * self._rng.standard_normal()
+            past = self._past[0]
+            shown = float(past[0] if self._place is None else self._place(past, until_s))
+            value = shown + seen.std_m * self._rng.standard_normal()
             value = round(value / seen.quantum_m) * seen.quantum_m if seen.quantum_m > 0 else value
             self._waiting.append((until_s + seen.latency_s, Measurement("position_m", value, until_s)))
         arrived = [m for due, m in self._waiting if due <= until_s + 1e-9]
@@ -92,7 +96,6 @@ class ModelWorld:
     def broken(self, speed_m_s: float) -> bool:
         """Whether the true state breaks a hard limit: the speed, or the gap of a magnet's greatest pull."""
         x, v = float(self.state[0]), float(self.state[1])
-        gap_m = self.model.drive.gap_limit_m
         if not math.isfinite(x + v) or abs(v) > speed_m_s:
             return True
-        return gap_m is not None and self.model.drive.anchored and abs(self._command - x) > gap_m
+        return self._gap_m is not None and abs(self._command - x) > self._gap_m

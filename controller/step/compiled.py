@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -28,7 +29,7 @@ _REASONS: Final = (
     *("start", "estimate lost", "recovered", "", "{} answered failed", "{} limited too long: {}"),
     *("{} swings about the reference", "tried again", "no controller is left: {} swings about the reference", ""),
 )
-_NEWEST: Final[list[tuple[tuple[str, ControlModel, Envelope], Compiled]]] = []
+_NEWEST: Final[deque[tuple[tuple[str, ControlModel, Envelope], Compiled]]] = deque(maxlen=16)
 _HALTED, _TAKEN_OVER = 3, 9  # reasons that Python knows better
 
 
@@ -47,7 +48,8 @@ class Compiled:
 def compiled(name: str, model: ControlModel, envelope: Envelope, numbers: Numbers | None = None) -> Compiled | None:
     """The C controller `name` of `model`, of other `numbers` than the usual ones where given; None for one that is not
     written in C, without a compiler, and, unless `numbers` are given, of an inner mass whose readings may be older than
-    usual: another filter suits it better. The newest one is kept: supervisor and estimator ask for the same.
+    usual: another filter suits it better. The newest are kept: supervisor and estimator ask for the same, and so does
+    each trial of a choice.
     """
     if not available():
         return None
@@ -57,7 +59,8 @@ def compiled(name: str, model: ControlModel, envelope: Envelope, numbers: Number
     if numbers is None and envelope.shaken and envelope.limits.age_s > Limits.age_s:
         return None
     found = _compiled(name, model, envelope, numbers)
-    _NEWEST[:] = [((name, model, envelope), found)] if found is not None else []
+    if found is not None:
+        _NEWEST.appendleft(((name, model, envelope), found))
     return found
 
 

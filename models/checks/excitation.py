@@ -53,6 +53,12 @@ class Excitation:
         return bool(len(t) > 1 and np.ptp(t) * np.ptp(x) > 0 and np.corrcoef(t, x)[0, 1] ** 2 > SET.straight)
 
     @cached_property
+    def little_turn(self) -> bool:
+        """Whether an axis turns by less than a quarter turn in all records together."""
+        places = [view.record[view.moving_column] for view in self.views if view.turns]
+        return bool(places) and max(x.max() for x in places) - min(x.min() for x in places) < np.pi / 2
+
+    @cached_property
     def lacking(self) -> dict[str, str]:
         """What effects may name in `needs` and the series does not offer, by name, with a sentence."""
         (low, high), (view, *_) = self.speeds, self.views
@@ -107,15 +113,20 @@ def _timed(rig: Rig, records: Sequence[Record]) -> tuple[View, ...]:
 
 def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, tuple[str, ...]]:
     """By an effect's id, its declared confounders, and theirs, that these records cannot separate from it in any form:
-    in one pass at one speed, whatever depends on position depends on time as well.
+    in one pass at one speed, whatever depends on position depends on time as well; over less than a quarter turn, a
+    weight on a lever is a spring.
     """
     views = _timed(rig, records)
-    if not views or not Excitation(views).one_course:
+    seen, forces = Excitation(views), {effect.id for effect in effects if effect.answers("force")}
+
+    def alike(one: type[Effect], other: type[Effect]) -> bool:
+        needs = {*one.needs, *other.needs}
+        turned = seen.little_turn and "turning" in needs and {one.id, other.id} <= forces
+        return one.looks_like(other) and (turned or (seen.one_course and needs >= {"places", "time"}))
+
+    if not views:
         return {}
-    near = {
-        one.id: [e.id for e in effects if one.looks_like(e) and {*one.needs, *e.needs} >= {"places", "time"}]
-        for one in effects
-    }
+    near = {one.id: [e.id for e in effects if alike(one, e)] for one in effects}
     return {name: tuple(sorted(_reached(name, near) - {name})) for name, others in near.items() if others}
 
 

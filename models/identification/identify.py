@@ -14,6 +14,7 @@ from models.identification.answer import answer
 from models.identification.finding import STAGES, Check, Finding, Trace
 from models.identification.fitting.confidence import intervals
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
+from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
@@ -84,7 +85,7 @@ def close(
     if told is not None:
         told(smallest(prepared.kind, train))
     joined = list[Record]()
-    for again in (True, True, False):
+    for again in (True, False):
         found = search(prepared.kind, train, progress, np.random.default_rng(seed), most, began + budget_s)
         worse, outside = unexplained(prepared.kind, found, others)
         if not (worse and again) or found.ended == "time":
@@ -130,7 +131,7 @@ def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKin
     hidden = cannot_show(rig, records, kind.effects)
     if hidden:
         kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))
-    if isinstance(kind, SeriesKind):
+    if isinstance(kind, SeriesKind | AxisKind):
         kind = replace(kind, equivalents=inseparable(rig, records, kind.effects))
     return kind, hidden
 

@@ -30,8 +30,8 @@ def compared(errors: Errors, monkeypatch: pytest.MonkeyPatch, refuted: str = "")
     def outcome(comparison: Comparison, pairs: list[tuple[choose_module.Row, str]], most_m: float = math.inf) -> None:
         for row, name in pairs:
             error = 1e-3 * errors[row.candidate.stage, row.candidate.controller][worlds.index(name)]
-            broken = math.isinf(error)
-            row.outcomes[name] = Outcome(error, broken, whole=broken or error <= most_m)
+            broken, whole = math.isinf(error), math.isinf(error) or error <= most_m
+            row.outcomes[name] = Outcome(error if whole else most_m, broken, whole)
             comparison.runs = next(tried) + 1
 
     monkeypatch.setattr(Comparison, "_try", outcome)
@@ -117,6 +117,12 @@ def test_a_small_loss_beside_what_the_nominal_model_risks_is_none(monkeypatch: p
 
 def test_a_plain_choice_that_breaks_a_limit_somewhere_is_no_better_one(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {("nominal", "feedforward"): (0.5, 0.1, math.inf), ("augmented", "feedforward"): (0.3, 0.3, 0.3)}
+    assert chosen(errors, monkeypatch).stage == "augmented"
+
+
+def test_a_plain_choice_counts_with_all_that_it_risks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a trial of it was given up at first, its error is far above what was seen of it then."""
+    errors = {("nominal", "feedforward"): (0.5, 9.0, 0.25), ("augmented", "feedforward"): (0.3, 0.3, 0.3)}
     assert chosen(errors, monkeypatch).stage == "augmented"
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
 from itertools import pairwise
-from operator import mul
+from types import MappingProxyType
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -16,10 +15,10 @@ from models.checks.usable import used
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
 from models.identification.kind import Array, Kind, Split, present
+from models.identification.kinds.axis.along import LANES, force_along, rows_of
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.logged import logged_in
-from models.identification.kinds.axis.memory import states_along
 from models.identification.kinds.axis.moved import (
     CARRIED,
     AxisNoise,
@@ -55,8 +54,9 @@ class AxisKind(Kind):
 
     An effect's `level` multiplies the whole friction (Coulomb and viscous), its `force` acts on the stage along +x, its
     `delay` is the time by which the position is read late. `force_std` and `position_std` are the noise before the
-    filter; without the first it is estimated from repeats of the motion, else from the white part of the force. Rows at
-    rest do not count, since friction there takes any value up to its limit.
+    filter; without the first it is estimated from repeats of the motion, else from the white part of the force, and is
+    `usual_std` in a record that does not show it beside others that do. Rows at rest do not count, since friction there
+    takes any value up to its limit.
     """
 
     base: tuple[Parameter, ...]
@@ -65,15 +65,15 @@ class AxisKind(Kind):
     coordinates: Coordinates = LINE
     band: float = SET.band_hz
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
+    usual_std: float | None = None
     name: str = AXIS.id
     catalogue: Catalogue = CATALOGUE
-    lanes: ClassVar[int] = 2
+    equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    lanes: ClassVar[int] = LANES
     next_share: ClassVar[float] = 0.04
     _known: dict[tuple[Any, ...], tuple[object, Any]] = field(default_factory=dict, repr=False, compare=False)
-    _wholes: dict[int, Signals] = field(default_factory=dict, repr=False, compare=False)
-    _along: dict[tuple[str, int], dict[tuple[float, ...], dict[str, Array]]] = field(
-        default_factory=dict, repr=False, compare=False
-    )
+    _wholes: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
+    _last: dict[int, tuple[tuple[Any, ...], Array]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> AxisKind:
@@ -88,7 +88,10 @@ class AxisKind(Kind):
         loads = c.loads_in([n for n in LOADS if records and all(n in r.columns for r in records)])
         size = size_of(c, known, band) if known else None
         effects = candidates(c, size, catalogue, logged_in(known, c, loads, band))
-        return cls(base_of(rig, c, size), *stds, c, band, effects, catalogue=catalogue)
+        kind = cls(base_of(rig, c, size), *stds, c, band, effects, catalogue=catalogue)
+        rates = [(kind.noise(record).force, kind._moved(record).motion.rate) for record in known]
+        shown = [force / passed(rate, band) for force, rate in rates if not math.isnan(force)]
+        return replace(kind, usual_std=float(np.median(shown))) if 0 < len(shown) < len(rates) else kind
 
     @property
     def quantity(self) -> str:
@@ -110,40 +113,43 @@ class AxisKind(Kind):
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N (torque in N m) that the measured motion needs, one value a row."""
-        of, c = self._moved(record), self.coordinates
-        m = of.motion
+        return self._forces(record, [theta])[:, 0]
+
+    def _forces(self, record: Record, thetas: Sequence[Theta]) -> Array:
+        """That of each of `thetas`, a column each."""
+        m, c = self._moved(record).motion, self.coordinates
         if not m.even:
             even = evened(record, (c.position, c.velocity, *LOADS))
-            return np.interp(record["t_s"], even["t_s"], self.predict(even, theta))
-        s = self._seen(record)
-        whole, first = s, 0
-        if CARRIED[0] in record.columns:
-            whole, first = self._wholes.get(int(record["_whole"][0]), s), int(record["_row"][0])
-        rows = slice(first, first + len(record)) if whole is not s else slice(None)
-        acting = [(e, p, self._states(type(e), p, whole, rows)) for e, p in present(self.effects, theta)]
-        inertia, viscous, coulomb, offset = (theta[name] for name in c.base)
-        sign = reduce(lambda way, one: one[0].direction(replace(s, direction=way), *one[1:]), acting, s.direction)
-        level: Any = reduce(mul, (e.level(s, p, z) for e, p, z in acting), 1.0)
-        extra: Any = sum(e.force(s, p, z) for e, p, z in acting)
-        force = inertia * m.a + (viscous * m.v + coulomb * sign) * level + offset - extra
-        late = sum(float(e.delay(p)) for e, p, _ in acting)
-        if late:
-            force = np.interp(m.t + late, m.t, force)
-        for e, p, z in acting:
-            force = e.measured(s, p, z, force)
-        return np.asarray(force, dtype=float)
+            forces = self._forces(even, thetas)
+            return np.column_stack([np.interp(record["t_s"], even["t_s"], one) for one in forces.T])
+        models = [present(self.effects, theta) for theta in thetas]
+        effects = [type(e) for e, _ in models[0]]
+        if any([type(e) for e, _ in one] != effects for one in models):
+            return np.hstack([self._forces(record, [theta]) for theta in thetas])
+        own = [[v for _, p in one for v in p.values()] for one in models]
+        values = np.array([[*(theta[name] for name in c.base), *more] for theta, more in zip(thetas, own, strict=True)])
+        out = self._along(record, effects, values)
+        for column, one in zip(out.T, models, strict=True):
+            late = sum(float(e.delay(p)) for e, p in one)
+            if late:
+                column[:] = np.interp(m.t + late, m.t, column)
+        return out
 
-    def _states(self, effect: type[Effect], p: Mapping[str, float], s: Signals, rows: slice) -> dict[str, Array]:
-        """The hidden states of an `effect` in the `rows` of a record, which are those of its whole `s`."""
-        if not effect.states or rows == slice(None):
-            return states_along(effect, p, s)
-        kept = self._along.setdefault((effect.id, id(s)), {})
-        values = tuple(p[q.name] for q in effect.parameters())
-        if values not in kept:
-            if len(kept) >= self.lanes:
-                kept.pop(next(iter(kept)))
-            kept[values] = states_along(effect, p, s)
-        return {name: along[rows] for name, along in kept[values].items()}
+    def _along(self, record: Record, effects: Sequence[type[Effect]], values: Array) -> Array:
+        """The forces where nothing is late, of a part with what its whole has behind it."""
+        names, of = self.coordinates.loads_in(record.columns), self._moved(record)
+        if CARRIED[0] not in record.columns or int(record["_whole"][0]) not in self._wholes:
+            key = (id(of), *(id(record[column]) for column in names.values()))
+            rows = self._kept(key, (of, record), lambda: rows_of(of.motion, self._seen(record)))
+            return force_along(effects, [*names], values, rows)
+        number, first = int(record["_whole"][0]), int(record["_row"][0])
+        rows, last = self._wholes[number], slice(first, first + len(record))
+        if not any(effect.states for effect in effects):
+            return force_along(effects, [*names], values, rows[last])
+        at = (tuple(effects), values.tobytes())
+        if self._last.get(number, ((), rows))[0] != at:
+            self._last[number] = (at, force_along(effects, [*names], values, rows))
+        return self._last[number][1][last].copy()
 
     def _seen(self, record: Record) -> Signals:
         of, c = self._moved(record), self.coordinates
@@ -159,10 +165,11 @@ class AxisKind(Kind):
 
     def of_force(self, record: Record, thetas: Sequence[Theta]) -> Array:
         """Filtered force errors in units of their noise, a row for each of `thetas`, 100 a second."""
-        errors = np.stack([record[self.quantity] - self.predict(record, theta) for theta in thetas])
+        parts = [thetas[k : k + LANES] for k in range(0, len(thetas), LANES)]
+        errors = record[self.quantity][:, None] - np.hstack([self._forces(record, part) for part in parts])
         of = self._moved(record)
-        errors[:, ~used(record) | of.still] = 0.0
-        return np.ascontiguousarray(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
+        errors[~used(record) | of.still] = 0.0
+        return np.ascontiguousarray(decimate(errors.T, of.motion.rate, self.band) / self.noise(record).weight)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """The authors' relative force error in %, pooled; rows at rest or near a gap do not count."""
@@ -177,7 +184,7 @@ class AxisKind(Kind):
     def noise(self, record: Record) -> AxisNoise:
         """The noise of a record, or of the whole that it is a part of."""
         force = record[self.quantity]
-        return self._kept((id(force), self.force_std), force, lambda: self._estimated(record))
+        return self._kept((id(force), self.force_std, self.usual_std), force, lambda: self._estimated(record))
 
     def _kept(self, key: tuple[Any, ...], of: object, found: Callable[[], T]) -> T:
         """The value `found` for the `key` of ids of arrays `of`, which are kept so that the ids stay theirs."""
@@ -211,7 +218,10 @@ class AxisKind(Kind):
 
     def _believed(self, record: Record) -> float:
         """The noise assumed for a force whose own is unknown."""
-        filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
+        rate = sampling_rate(record["t_s"])
+        if self.usual_std is not None:
+            return self.usual_std * passed(rate, self.band)
+        filtered = decimate(record[self.quantity], rate, self.band)
         return SET.axis_noise * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
@@ -244,7 +254,7 @@ class AxisKind(Kind):
         if CARRIED[0] in record.columns:
             return record
         number = len(self._wholes)
-        self._wholes[number] = self._seen(record)
+        self._wholes[number] = rows_of(self._moved(record).motion, self._seen(record))
         return carried(record, self.coordinates, self._moved(record), self.noise(record), number)
 
     def signals(self, record: Record) -> dict[str, Array]:
@@ -331,7 +341,8 @@ def splits_of(
     """By record, of many by groups of them; where one alone holds a speed, direction or position, by four blocks of
     each record's cycle, of the records `carrying` what the whole tells of a part.
     """
-    groups = [records[k :: SET.axis_groups] for k in range(min(len(records), SET.axis_groups))]
+    count = len(records) if len(records) <= SET.axis_groups else SET.many_groups
+    groups = [records[k::count] for k in range(count)]
     apart = [([r for r in records if r not in group], [*group]) for group in groups]
     if len(records) > 1 and all(may_be_left_out(out, rest) for rest, group in apart for out in group):
         return apart

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.checks.excitation import cannot_show
+from models.checks.excitation import cannot_show, inseparable
 from models.effects import CATALOGUE
 from models.effects.conformance import first_failure
 from models.formula import line_text
@@ -217,3 +217,13 @@ def test_a_line_and_an_axis_that_turns_are_not_mixed() -> None:
     with pytest.raises(ValueError, match=r"\[axis\] mass_kg must not be there for records with angle_rad"):
         AxisKind.from_rig(parse_rig({"rig": {"kind": "axis"}, "axis": {"mass_kg": 3.0}}), [record])
     assert len(decimate(record["torque_N_m"], 500.0)) > 0
+
+
+def test_over_less_than_a_quarter_turn_a_weight_on_a_lever_is_a_spring() -> None:
+    whole, effects = joint(), CATALOGUE.acting_on("axis")
+    little = whole.with_column("angle_rad", 0.4 * whole["angle_rad"])
+    assert inseparable(RIG, [whole], effects) == {}
+    classes = inseparable(RIG, [little], effects)
+    assert "spring_over_position" in classes["gravity_over_angle"]
+    assert "gravity_over_angle" in classes["spring_over_position"]
+    assert "stribeck" not in classes

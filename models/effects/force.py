@@ -417,6 +417,7 @@ class DrivePlay(ElasticDrive):
     words = "play between drive and load"
     summary = "a part of the load follows the axis over a spring with play: backlash of two masses"
     source = "two-mass models with backlash: Nordin and Gutman, Automatica 38 (2002) 1633"
+    kinds = frozenset({"driven_axis"})
     grid = by_name(frequency_Hz=(8.0, 25.0), play_m=(2e-4, 1e-3, 5e-3))
     confounders = ("elastic_drive", "presliding", "carriage_backlash")
     separated_by = "small and large swings: an elastic drive answers in proportion; a second encoder at the load"

@@ -140,7 +140,10 @@ def pooled(parts: Iterable[Sequence[Job]], workers: int, limit_s: float = LONGES
                     flying[pool.submit(run_jobs, part)] = time.monotonic() + _STARTS_S + limit_s * len(part), part
                     for _ in part:
                         suspects.pop()
-                for future in _ended(flying) if flying else ():
+                ended = _ended(flying) if flying else set()
+                if not ended:
+                    break
+                for future in ended:
                     yield future.result()
                     del flying[future]
         suspects.extend(job for _, part in flying.values() for job in part)

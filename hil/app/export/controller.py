@@ -151,11 +151,13 @@ def _sizes(sources: Mapping[str, str]) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class _Tolerance:
-    """How near to the log, in the command's unit or an estimator's m: `near` in the first `ticks`, `scale` later."""
+    """How near to the log, in the command's unit or an estimator's m: `near` in the first `ticks`, `scale` later.
+    The fewer particles there are, the sooner rounding decides which are drawn again.
+    """
 
     near: float = 0.0
     scale: float = 0.0
-    ticks: int = 250
+    ticks: int = 200
 
     @classmethod
     def of(cls, asked: Asked, envelope: Envelope) -> "_Tolerance":
@@ -163,7 +165,7 @@ class _Tolerance:
         if not asked.single:
             return cls()
         scale = envelope.around_m if asked.alone or envelope.placed else envelope.high
-        return cls(_NEAR * scale, scale)
+        return cls(_NEAR * scale, scale, round(cls.ticks * min(1.0, (asked.particles or PARTICLES) / PARTICLES)))
 
     @property
     def words(self) -> str:

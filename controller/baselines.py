@@ -18,9 +18,7 @@ _SPEED_M_S: Final = 5e-4  # of the feedforward's tanh
 
 
 class PID(Controller):
-    """PID on the position: the force from the error, with a friction feedforward `F tanh(v_r/v_s)` unless `friction_N`
-    is 0; the command by the drive's static inverse.
-    """
+    """PID on the position with a friction feedforward `F tanh(v_r/v_s)`; the command by the drive's static inverse."""
 
     def __init__(
         self, model: ControlModel, envelope: Envelope, gains: PidGains | None = None, friction_N: float = 0.0
@@ -69,9 +67,7 @@ class LqrWeights:
 
 @dataclass(frozen=True)
 class Gains:
-    """`u = N_u r - K (z - N_z r) - K_i i`, `i+ = i + tick (x - r)`: K (n,) acts on the deviation from the states at
-    rest at r.
-    """
+    """`u = N_u r - K (z - N_z r) - K_i i`, `i+ = i + tick (x - r)`, K (n,)."""
 
     states: tuple[Name, ...]
     tick_s: float
@@ -105,9 +101,7 @@ def lqr_gains(plant: Linear, weights: LqrWeights | None = None) -> Gains:
 
 
 class LQR(Controller):
-    """LQR with integral action (python-control) on the estimate, without stick and slip. The integral stops at the ends
-    of the command's range.
-    """
+    """LQR with integral action on the estimate, without stick and slip; at the ends of the range the integral stops."""
 
     name = "lqr"
 

@@ -19,8 +19,6 @@ from controller.supervision.model_switch import ModelSwitch, Offer
 
 
 class World(Protocol):
-    """What is controlled."""
-
     def advance(self, command: float, until_s: float) -> Sequence[Measurement]:
         """Advance to `until_s` with the drive at `command` there; the measurements that arrived meanwhile."""
         ...
@@ -39,9 +37,7 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a loop is to do: follow `reference` within `limits`, with a localisation of `noise_m`; `estimator` by name.
-    It begins at `begin_s`, at rest under `command`.
-    """
+    """Follow `reference` within `limits`, with a localisation of `noise_m`, from `begin_s` at rest under `command`."""
 
     reference: Reference
     limits: Limits
@@ -52,9 +48,7 @@ class Asked:
 
 
 class ClosedLoop:
-    """The `controller` of `model` with its estimator and supervisor; the model on `offer` takes over at a rest, one of
-    the `others` once the model is broken.
-    """
+    """The `controller` of `model`, its estimator and supervisor; `offer` takes over at rest, `others` when broken."""
 
     def __init__(
         self,

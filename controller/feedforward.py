@@ -92,9 +92,7 @@ share of one over that time. Of 0.2 to 1.0 each, over lags of 30 to 150 ms, thes
 
 _CALMEST: Final = 1 / 16  # least share of the first gain after halving: a gain of 40 1/s then bears a delay of 0.4 s
 _LOOSE: Final = 2.0
-"""Factor on the command for break-away beyond that for motion. With 1 a model with too little friction stays at rest
-with the capsule and learns nothing.
-"""
+"""Factor on the command for break-away: with 1 a model with too little friction would rest and learn nothing."""
 
 
 def remembers(model: ControlModel, envelope: Envelope) -> bool:
@@ -136,7 +134,6 @@ class Feedforward(Controller):
         self._returning, self._command = False, command
 
     def follow(self, command: float, rate: float) -> None:
-        """Receive the command in force."""
         self._command = command
 
     def calm(self) -> bool:

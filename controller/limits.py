@@ -16,9 +16,7 @@ def _limit(meaning: str, value: float, most: float, least: float = _LEAST) -> An
 
 @dataclass(frozen=True)
 class Limits:
-    """What no command may exceed, SI. Each field states its unit, its source, and the largest value allowed for it,
-    beyond which it would not limit. Not clinical advice.
-    """
+    """What no command may exceed, SI; each field states unit, source and largest value. Not clinical advice."""
 
     force_N: float = _limit(
         "greatest force on the wall (choice: half of weak contractions' 0.9 N/cm, Terry 2012, live pig)", 0.5, 20.0
@@ -125,9 +123,7 @@ class Issued:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What is known when a command is limited, SI: `age_s` is the age of the estimate, `std_m` the standard deviation
-    of the position.
-    """
+    """What is known when a command is limited: age of the estimate in s, standard deviation of the position in m."""
 
     position_m: float
     speed_m_s: float

@@ -58,7 +58,6 @@ class Forecast:
         self.drop()
 
     def drop(self) -> None:
-        """Forget the present second."""
         self._k, self._time, self._command, self._steady_m_s = -1, math.nan, math.nan, 0.0
 
     def _clear(self) -> None:
@@ -116,13 +115,8 @@ FIRST: Final = 16  # seconds of motion per direction that set the reference; cal
 DOUBTFUL: Final = 0.5  # share of an alarm's evidence above which the model is doubtful
 SHIFT: Final = 2.0  # least change of the lacking force, in standard deviations, that counts as drift
 SENSITIVE: Final = (2.0, 3.0)
-"""Least sensitivity of a second to a shift in time for it to count, and the greatest one counted, so that one second
-does not decide.
-"""
-SURPRISE: Final = 2.3
-"""Standard deviations of forecast or innovations near the beginning of a drift from which the change is sudden: a slow
-one stays small.
-"""
+"""Least sensitivity of a second to a shift in time that counts, and the greatest one counted."""
+SURPRISE: Final = 2.3  # Standard deviations near the beginning of a drift from which the change is sudden
 
 WIDER = 2.5  # factor on the errors of a model that no longer holds
 MOST = 6.0  # evidence of one second at most, so that no single one raises an alarm
@@ -132,9 +126,7 @@ ABOUT_S = 3.0  # seconds around the beginning of a sum that count as near it
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """The monitor's result: the `state` and its begin in s, how the model changed, the `alarms` so far, and the
-    evidence against it as a share of an alarm's.
-    """
+    """The `state` since when in s, how the model changed, the `alarms`, the evidence as a share of an alarm's."""
 
     state: State = "holds"
     since_s: float = 0.0
@@ -148,18 +140,14 @@ NOT_WATCHED: Final = Health("not watched")  # of a controller without a friction
 
 @dataclass(slots=True)
 class Sum:
-    """`value`: the evidence so far, since when in s it is above 0, and the greatest `surprise` of the seconds near that
-    time.
-    """
+    """`value`: the evidence, since when in s it is above 0, and the greatest `surprise` near that time."""
 
     value: float = 0.0
     since_s: float = 0.0
     surprise: float = 0.0
 
     def add(self, evidence: float, began_s: float, surprise: float = 0.0) -> None:
-        """Add the evidence of a stretch that began at `began_s`: above 0 for a change. `surprise`: the largest
-        normalised error of a second near it.
-        """
+        """Add evidence from `began_s` on, above 0 for a change; `surprise`: the largest normalised error near it."""
         if not math.isfinite(evidence):
             return
         if self.value <= 0:
@@ -229,7 +217,6 @@ class Monitor:
         return self.health
 
     def judge(self, now: float, second: Second) -> None:
-        """Add the evidence of a `second` that ended at `now`."""
         e, began = self._expected, now - SPAN_S
         if not abs(second.moved_m) >= e.least_m:
             return
@@ -255,12 +242,10 @@ class Monitor:
         self._say(now)
 
     def _sizes(self, second: Second) -> tuple[float, float]:
-        """Forecast and innovations of a `second` over their scatter."""
         e = self._expected
         return second.miss_m / math.hypot(second.std_m, e.miss_m), second.innovation / e.innovation
 
     def _say(self, now: float) -> None:
-        """The state from the sums."""
         fast, before = (*self._off, *self._shifted), self.health
         shares = [s.value / self._expected.alarm for s in fast] + [s.value / self._expected.drift for s in self._slow]
         evidence = max(shares)

@@ -67,9 +67,7 @@ def by_speeds(
 
 
 def by_positions(times_s: Sequence[float], positions_m: Sequence[float]) -> Trajectory:
-    """Straight lines from position to position, reached at `times_s` from 0 on, with rounded corners, relative to the
-    first.
-    """
+    """Straight lines through positions at `times_s`, relative to the first, with rounded corners."""
     spans = np.maximum(np.round(np.diff(times_s) / STEP_S), 1.0) * STEP_S
     return by_speeds((np.diff(positions_m) / spans).tolist(), spans.tolist())
 
@@ -114,13 +112,11 @@ class SetpointMove:
 
 
 def rest(position_m: float, begin_s: float = 0.0) -> SetpointMove:
-    """Stay at `position_m`."""
     zero = np.zeros(1)
     return SetpointMove(np.array([begin_s]), np.array([position_m]), zero, zero)
 
 
 def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, begin_s: float) -> SetpointMove:
-    """From `speed_m_s` to rest."""
     goal = position_m + speed_m_s * abs(speed_m_s) / (2 * acceleration_m_s2)
     return move(goal, position_m, speed_m_s, math.inf, acceleration_m_s2, begin_s)
 
@@ -175,20 +171,16 @@ class Experiment:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Experiment:
-        """The experiment in a log's side file."""
         times, positions = (tuple(map(float, document[name])) for name in ("times_s", "places_m"))
         return cls(times, positions, float(document["at_s"]))
 
     def document(self) -> dict[str, Any]:
-        """Its entry in a log's side file."""
         return {"times_s": list(self.times_s), "places_m": list(self.places_m), "at_s": self.at_s}
 
 
 @dataclass(frozen=True, slots=True)
 class Excursion:
-    """The reference `before`, at rest at `begin_s`, then `path` out and back, then `before` continued, later by the
-    length of `path`.
-    """
+    """The reference `before`, from its rest at `begin_s` `path` out and back, then `before` later by its length."""
 
     before: Reference
     path: Trajectory

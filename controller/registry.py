@@ -22,7 +22,7 @@ from controller.signals import Controller
 from controller.tuned import FilterNoise, Horizon
 from controller.vibro.controller import vibro_controller
 from models.files.python_file import classes_in, installed
-from models.parameter import nearest
+from models.files.toml import check_word
 
 GROUP: Final = "capsule.controllers"
 
@@ -114,8 +114,7 @@ PIDs named estimated included, the friction-aware estimate. `vibro_square` is `v
 """
 
 
-MODEL_FREE: Final = ("pid", "pid_friction")
-"""Controllers on the kinematic filter, which nothing carries across a delay."""
+MODEL_FREE: Final = ("pid", "pid_friction")  # Controllers on the kinematic filter, which nothing carries across a delay
 
 
 def leads(name: str) -> tuple[str, ...]:
@@ -183,10 +182,7 @@ def build(name: str, model: ControlModel, envelope: Envelope, deadline_s: float 
     """The controller `name` for `model` within `envelope`, with its fallbacks; `deadline_s` is the MPC's. Raises
     ValueError for an unknown name, with the nearest one, and for a drive that it cannot control.
     """
-    if name not in CONTROLLERS:
-        raise ValueError(
-            f"controller must be one of {', '.join(CONTROLLERS)}; got {name!r}; {nearest(name, CONTROLLERS)}"
-        )
+    check_word(name, "controller", CONTROLLERS)
     if model.drive.name not in leads(name):
         raise ValueError(
             f"rig must be {' or '.join(leads(name))} for the controller {name!r}; got {model.drive.name!r}"

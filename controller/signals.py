@@ -85,9 +85,7 @@ class Controller(Protocol):
         ...
 
     def follow(self, command: float, rate: float) -> None:
-        """Receive the command in force and its `rate` per second before each `act`, after limits. Controllers that
-        continue from their own commands need it.
-        """
+        """Receive the command in force and its `rate` per second before each `act`, after limits."""
         return
 
     def allow(self, steps: int) -> None:

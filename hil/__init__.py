@@ -6,9 +6,7 @@ from typing import Any
 
 
 class _Unneeded(MetaPathFinder):
-    """python-can loads asammdf, and pandas with it, for frames in MF4 files, which we read in a process of their own:
-    a second of every start.
-    """
+    """python-can would load asammdf and pandas for MF4 files, which we read otherwise: a second of each start."""
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> None:
         """Refuses asammdf to the module of python-can that is being loaded, and finds nothing."""

@@ -20,7 +20,6 @@ def own_environment() -> dict[str, str]:
 
 
 def version_of(package: str = "capsule-control") -> str:
-    """The installed version of a package, by default this program's."""
     try:
         return version(package)
     except PackageNotFoundError:

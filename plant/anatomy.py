@@ -33,7 +33,6 @@ class Anatomy:
         return Anatomy(tuple(self.at(x) * other.at(x)), float(x[0]), 2.5e-4)
 
     def at(self, x: Floats) -> Floats:
-        """The level at positions `x` in m, any shape."""
         grid = self.start_m + self.step_m * np.arange(len(self.level))
         return np.asarray(np.interp(x, grid, self.level))
 
@@ -75,7 +74,6 @@ def random_anatomy(
 
 @compiled
 def profile_level(x: float, p: Floats, profile: Floats) -> float:
-    """The anatomy's factor at `x` in m."""
     last = profile.shape[0] - 1
     if last == 0:
         return float(profile[0])

@@ -22,8 +22,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 def source_digest() -> str:
     """Hash of all source files of the plant."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
+    for path in sorted(Path(__file__).parent.rglob("*")):
+        digest.update(path.read_bytes() if path.suffix in (".py", ".toml") else b"")
     return digest.hexdigest()
 
 

@@ -16,7 +16,6 @@ from plant.tables import Floats
 
 
 def _at(place: int, default: float) -> Any:
-    """A number at `place` among the plant's parameters."""
     return field(default=default, metadata={"place": place})
 
 
@@ -45,12 +44,10 @@ class TrueDrive(ABC):
 
     @property
     def feedback(self) -> str:
-        """The column of the drive's feedback; empty without feedback."""
         return self.reports
 
     @property
     def inner_kg(self) -> float:
-        """Mass in kg carried by the body."""
         return 0.0
 
     @property
@@ -59,7 +56,6 @@ class TrueDrive(ABC):
         return 1.0
 
     def steps(self, effects: Floats) -> int:
-        """Its compiled steps (`plant.steps`) under the hidden `effects`."""
         return self.step
 
     def columns(self) -> dict[str, str]:
@@ -69,7 +65,6 @@ class TrueDrive(ABC):
         return self.recorded
 
     def fill(self, p: Floats) -> None:
-        """Write the drive's numbers into the plant's parameters `p`."""
         for own in fields(self):
             value = getattr(self, own.name)
             if isinstance(value, TrueDrive):
@@ -101,8 +96,6 @@ class TruePull(TrueDrive):
 
 @dataclass(frozen=True)
 class Carriage(TrueDrive):
-    """A magnet on a carriage."""
-
     kind: ClassVar[str] = MAGNETIC
     free: ClassVar[bool] = True
     straight: ClassVar[bool] = True

@@ -56,7 +56,6 @@ class Sensor:
         return when, np.round(reading / self.quantum) * self.quantum if self.quantum > 0 else reading
 
     def filtered(self, t: Floats, y: Floats) -> Floats:
-        """The truth `y` over the even grid `t` through the low-pass."""
         return _lowpassed(y, float(t[1] - t[0]), self.lowpass_s)
 
 

@@ -40,7 +40,6 @@ _LEAST_M_S: Final = 1e-12  # imposed speed below which a pull rests
 
 @compiled
 def _write_row(row: Floats, t: float, s: Floats, force: float, drive: float) -> None:
-    """The columns of `plant.layout` in the state `s` at `t` in s."""
     row[at.O_T], row[at.O_X], row[at.O_V], row[at.O_U] = t, s[at.S_X], s[at.S_V], s[at.S_U]
     row[at.O_FORCE], row[at.O_DRIVE], row[at.O_CURRENT] = force, drive, s[at.S_CURRENT]
     row[at.O_INNER_X], row[at.O_INNER_V] = s[at.S_INNER_X], s[at.S_INNER_V]
@@ -78,9 +77,7 @@ def pair_force(gap: float, s: Floats, p: Floats) -> float:
 def _drive_force(
     kind: int, value: float, rate: float, t: float, dt: float, s: Floats, p: Floats, h: Floats, steered: bool
 ) -> float:
-    """Force in N of a drive at `value`, which changes by `rate` per second; a coil's current advances. `steered`: the
-    table `h` has effects between drive and body.
-    """
+    """Force in N of a drive at `value`, changing by `rate` per s; a coil's current advances. `steered`: `h` acts."""
     x, v = s[at.S_X], s[at.S_V]
     grip = coupling(x, t, h) if steered else 1.0
     if kind in (MAGNET, PAIR):
@@ -135,9 +132,7 @@ def _swing(force: float, dt: float, s: Floats, p: Floats, h: Floats) -> float:
 def _move(
     v: float, mean: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats, felt: tuple[bool, bool]
 ) -> None:
-    """Wall and memories at the end of a step at speed `v`, `mean` on average; `felt`: whether the table `h` has effects
-    on the level, and forces.
-    """
+    """Wall and memories at the end of a step at speed `v`, `mean` on average; `felt`: `h` acts on level, force."""
     if v != 0.0:
         s[at.S_DIRECTION] = 1.0 if v > 0 else -1.0
     s[at.S_V] = v
@@ -152,9 +147,7 @@ def _move(
 def _advance_pull(
     s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
 ) -> int:
-    """`F = m a + R(|v|) Sgn(v) + F_v(w) + T(u) - F_hidden`; at rest R keeps the last direction. A row has the rate of
-    `x` of the step that ends there.
-    """
+    """`F = m a + R(|v|) Sgn(v) + F_v(w) + T(u) - F_hidden`; at rest R keeps the last direction."""
     rows, step = 0, int(s[at.S_STEP])
     leveled, forced = has_level(h), has_force(h)
     due = -step % every

@@ -22,9 +22,7 @@ STILL = 1e-6  # m, peak to peak: below it the loop rests
 _LONGEST_STEP_S = 1e-3  # longest step of the simulation
 
 Law = Callable[[float, Array, float, float], float]
-"""Command of a controller for the tick at t in s from the state (n,) as it is seen, the reference's position in m and
-speed in m/s.
-"""
+"""Command for the tick at t in s from the state (n,) as seen and the reference's position in m and speed in m/s."""
 
 
 @dataclass(frozen=True)
@@ -142,15 +140,12 @@ class Study:
     free: Linear
 
     def cycles(self) -> dict[str, dict[str, LimitCycle]]:
-        """The limit cycle of each controller and run."""
         return {name: {part: run.cycle() for part, run in parts.items()} for name, parts in self.runs.items()}
 
     def laws(self) -> dict[str, Pid | Gains]:
-        """The controllers by name."""
         return {"pid": self.pid, "lqr": self.lqr}
 
     def balances(self) -> dict[str, list[Balance]]:
-        """The cycles at rest from the harmonic balance of each controller."""
         return {name: balances(self.wall, self.free, law, self.delay_s) for name, law in self.laws().items()}
 
     def compliance(self, name: str) -> Complex:

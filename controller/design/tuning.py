@@ -59,7 +59,6 @@ class OpenLoop:
         )
 
     def stable(self) -> bool:
-        """Whether all poles are inside the unit circle."""
         return bool(np.all(np.abs(self.poles) < 1))
 
     def sensitivity(self) -> Array:

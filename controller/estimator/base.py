@@ -26,8 +26,6 @@ _APART: Final = 4 * math.sqrt(2)
 
 @dataclass(slots=True)
 class Counts:
-    """Number of measurements by outcome."""
-
     accepted: int = 0
     outliers: int = 0
     unusable: int = 0
@@ -60,11 +58,9 @@ class Watch:
     last_s: float = math.nan
 
     def begin(self, now: float) -> None:
-        """A new estimate, to be confirmed."""
         self.refused, self.proven, self.accepted_at, self.jumped = 0, 0, now, False
 
     def accept(self, position_m: float, stamp_s: float, now: float) -> None:
-        """An accepted position, true at `stamp_s`."""
         self.counts.accepted += 1
         self.refused, self.accepted_at, self.jumped = 0, now, False
         self.proven += 1
@@ -93,8 +89,6 @@ class Watch:
 
 
 class Watched:
-    """An estimate whose measurements are counted by outcome."""
-
     _watch: Watch
 
     @property
@@ -281,9 +275,7 @@ class Estimator(Watched, ABC):
 
     @abstractmethod
     def _fuse(self, back: int, m: Measurement) -> float:
-        """Use `m`, true `back` ticks ago; returns its signed normalised innovation. Beyond the gate, or not a number,
-        it is an outlier and changes nothing.
-        """
+        """Use `m`, true `back` ticks ago; its signed normalised innovation. An outlier or NaN changes nothing."""
 
     @abstractmethod
     def _estimate(self) -> tuple[Array, Array, float, float] | None:

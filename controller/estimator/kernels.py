@@ -1,4 +1,4 @@
-"""The filters' arithmetic as machine code: a root, particles. Nothing here can fail."""
+"""The filters' arithmetic as machine code: a root, cubature points, particles. Nothing here can fail."""
 
 import math
 
@@ -32,6 +32,75 @@ def root(P: Array, L: Array) -> None:
             for k in range(j):
                 rest -= L[i, k] * L[j, k]
             L[i, j] = rest / L[j, j] if sound else 0.0
+
+
+@njit(cache=True)
+def place_points(
+    z: Array,
+    P: Array,
+    modes: Array,
+    where: Indices,
+    scale: float,
+    bounds: Array,
+    L: Array,
+    states: Array,
+    d: Array,
+    level: Array,
+    learned: Array,
+) -> None:
+    """Fill `states` (2 n + 1, model states), `d` and `level` (2 n + 1,) with the points `z`, `z +- scale L_j` of the
+    estimate `z` (n,), `P`: the continuous states at `where`, disturbance and level; switches are `modes`. `bounds`
+    (3,): least and greatest level, the learned parameter at level 0. `learned` (2 n + 1,) becomes its value at each
+    level.
+    """
+    root(P, L)
+    n = z.shape[0]
+    for m in range(2 * n + 1):
+        for i in range(modes.shape[0]):
+            states[m, i] = modes[i]
+        side = 0.0 if m == 0 else (scale if m % 2 == 1 else -scale)
+        column = (m - 1) // 2
+        for i in range(n):
+            value = z[i] + (side * L[i, column] if m > 0 else 0.0)
+            if i < n - 2:
+                states[m, where[i]] = value
+            elif i == n - 2:
+                d[m] = value
+            else:
+                level[m] = min(max(value, bounds[0]), bounds[1])
+                learned[m] = (1 + level[m]) * bounds[2]
+
+
+@njit(cache=True)
+def take_moments(
+    states: Array, d: Array, level: Array, where: Indices, scale: float, Q: Array, z: Array, P: Array, modes: Array
+) -> None:
+    """The estimate after the prediction: the mean `z` (n,) of the outer points, `P = sum (p - z)(p - z)' / (2 scale^2)`
+    plus the step's noise `Q` (n,), `modes` of the middle point. The weights of cubature are positive, so `P` stays
+    positive.
+    """
+    n = z.shape[0]
+    points = np.empty((2 * n + 1, n))
+    for m in range(2 * n + 1):
+        for i in range(n - 2):
+            points[m, i] = states[m, where[i]]
+        points[m, n - 2], points[m, n - 1] = d[m], level[m]
+    for i in range(n):
+        total = 0.0
+        for m in range(1, 2 * n + 1):
+            total += points[m, i]
+        z[i] = total / (2 * n)
+    for i in range(modes.shape[0]):
+        modes[i] = states[0, i]
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for m in range(1, 2 * n + 1):
+                total += (points[m, i] - z[i]) * (points[m, j] - z[j])
+            P[i, j] = total / (2 * scale * scale)
+            P[j, i] = P[i, j]
+    for i in range(n):
+        P[i, i] += Q[i]
 
 
 @njit(cache=True)
@@ -71,9 +140,7 @@ def weigh(weights: Array, values: Array, measured: float, variance: float) -> fl
 
 @njit(cache=True)
 def draw(weights: Array, share: float, chosen: Indices) -> None:
-    """Systematic resampling: fill `chosen` (P,) with the survivors, each about P times its weight; `share` in [0, 1) is
-    the start of the first of P even steps.
-    """
+    """Systematic resampling: `chosen` (P,) gets each particle about P times its weight; `share` in [0, 1) begins."""
     n, k, total = weights.size, 0, weights[0]
     for i in range(n):
         while (i + share) / n > total and k < n - 1:

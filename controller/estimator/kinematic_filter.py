@@ -30,7 +30,6 @@ class KinematicFilter(Watched):
         self.reset(0.0, 0.0)
 
     def reset(self, now: float, command: float) -> None:
-        """The first position starts an estimate."""
         self._stamp = -math.inf
         self._x = self._v = math.nan
         self._watch = Watch(self.noise, self.counts)

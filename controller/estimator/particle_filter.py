@@ -114,7 +114,6 @@ class ParticleEstimator(Estimator):
         self._periodic.scatter(self._draws, passed, force > noise.force_wander_N, self._levels, self._weights)
 
     def _remember(self, now: float, command: float) -> None:
-        """The sensor readings at `now`, with the drive at `command`."""
         self._time_s, self._drive, place = now, command, self._newest % self._kept
         shown = self._states[:, 0]
         if self._sensor is not None:

@@ -48,16 +48,13 @@ class Periodic:
         return cls(model, next(periodic, None), count)
 
     def begin(self) -> None:
-        """All particles with the model's own."""
         self.values[:] = self._own[:, None]
         self._moved[:], self._level = False, 0.0
 
     def scatter(
         self, draws: np.random.Generator, passed_s: float, surprised: bool, levels: Array, weights: Array
     ) -> None:
-        """After `passed_s`, with particles of these friction `levels` and `weights`: walk; redraw some, with new
-        levels.
-        """
+        """After `passed_s`: walk, and redraw some of the particles with these `levels` and `weights`."""
         if not self.index.size:
             return
         self._level += passed_s / _MEAN_S * (expected(weights, levels)[0] - self._level)
@@ -72,7 +69,6 @@ class Periodic:
         levels[new] = self._level + _LEVEL_STD * draws.standard_normal(new.size)
 
     def take(self, chosen: NDArray[np.int64]) -> None:
-        """Particles replaced by copies of the `chosen` ones."""
         self.values[:], self._moved[:] = self.values[:, chosen], self._moved[chosen]
 
     def mean(self, weights: Array) -> Array:

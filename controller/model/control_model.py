@@ -76,7 +76,6 @@ class ControlModel:
 
     @property
     def fitted(self) -> bool:
-        """Whether a fit has moved its numbers."""
         return bool(np.any(self.values != np.array([p.value for p in self.symbols.parameters])))
 
     @property

@@ -26,7 +26,6 @@ def _copy(to: Array, source: Array, first: int, size: int, begin: int) -> None:
 
 @compiled
 def _work(x: Array, parameters: Array, d: float) -> Array:
-    """The memory of a model's code: state, parameters, disturbance, results."""
     n, m = x.shape[0], parameters.shape[0]
     work = np.zeros(n + m + 1 + n * (n + 3))
     _copy(work, x, 0, n, 0)
@@ -39,7 +38,6 @@ def _work(x: Array, parameters: Array, d: float) -> Array:
 def _stage(
     code: int, work: Array, now: Array, command: float, after: float, t: float, stage: float, substeps: int
 ) -> None:
-    """Advance the states in `work` by `stage` in s."""
     h, rise = stage / substeps, (after - command) / substeps
     for j in range(substeps):
         now[0] = command + j * rise

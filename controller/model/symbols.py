@@ -92,7 +92,6 @@ class _Model:
         return new
 
     def measured(self, t: Any) -> Any:
-        """The sensor's reading of the position."""
         stepper = self.stepper()
         return stepper.active.through("measured", self.signals(stepper, t), self.now["x"])
 

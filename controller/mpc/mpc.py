@@ -65,7 +65,6 @@ class MPC(Controller):
         self.planner.plan(Start(0.0, self.model.initial()), targets, np.zeros(self._grid.size), 0.0)
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        """Begin at `now` at rest with `command` in force."""
         self._begin(now, float(command) if np.isfinite(command) else 0.0)
 
     def _begin(self, now: float, command: float) -> None:

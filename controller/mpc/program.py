@@ -53,9 +53,7 @@ def cost(path: Array, commands: Array, forces: Array, task: Task, scales: Array,
 
 @compiled
 def sensitivities(A: Array, B: Array, step: float, Z: Array) -> None:
-    """Fill `Z` (N + 1, n, N): derivatives of the states by the command's rates, each of which moves the command by
-    `step`.
-    """
+    """Fill `Z` (N + 1, n, N): derivatives of the states by the command's rates, which move it by `step`."""
     n = Z.shape[1]
     Z[0] = 0.0
     for k in range(A.shape[0]):

@@ -8,10 +8,10 @@ from typing import Any, Final
 from controller.limits import number
 from models.assembly.model import effect_parameters
 from models.effects import Catalogue
+from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.model import Model
-from models.parameter import nearest
 from models.rigs.rig import Rig
 from models.theta import Theta, spelled
 
@@ -20,8 +20,6 @@ BETTER: Final = 0.99  # greatest held-out error of a new model as a share of the
 
 @dataclass(frozen=True)
 class Acceptance:
-    """Whether a model passed, and the reasons against it."""
-
     reasons: tuple[str, ...] = ()
 
     @property
@@ -30,7 +28,6 @@ class Acceptance:
 
     @property
     def sentence(self) -> str:
-        """The verdict in words."""
         return "passed" if self.passed else "; ".join(self.reasons)
 
 
@@ -49,8 +46,8 @@ def judge(
     stage.
     """
     for name in (stage, current):
-        if isinstance(name, str) and name not in STAGES:
-            raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {name!r}; {nearest(name, STAGES)}")
+        if isinstance(name, str):
+            check_word(name, "stage", STAGES)
     error = report.get("error")
     held = error.get("holdout") if isinstance(error, Mapping) else None
     held = held if isinstance(held, Mapping) else {}

@@ -71,7 +71,6 @@ class JumpCheck:
     agree: int = 0
 
     def takes(self, position_m: float, stamp_s: float) -> bool:
-        """Whether the reading `position_m`, true at `stamp_s`, is accepted."""
         apart_m = _STDS * self.noise_m
         if abs(position_m - self.position_m) > _SLIPS_M_S * abs(stamp_s - self.at) + apart_m:
             again = abs(position_m - self.candidate_m) <= apart_m + _FASTEST_M_S * abs(stamp_s - self.refused_at)
@@ -107,9 +106,7 @@ class Contradiction:
     """
 
     def __init__(self, envelope: Envelope, noise_m: float, friction: float = math.inf) -> None:
-        """`noise_m`: the localisation's standard deviation, `friction`: the command that overcomes the model's
-        friction, for a drive without a position.
-        """
+        """`noise_m`: the localisation's deviation, `friction`: the command that overcomes friction."""
         self._envelope, self._noise_m, self._friction = envelope, noise_m, abs(friction)
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._hard_m = _PUSHES * full, _HARD * full

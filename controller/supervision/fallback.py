@@ -61,7 +61,6 @@ class FallbackChain:
     """Which controllers are suspended, and until when."""
 
     def __init__(self, count: int, rules: Rules) -> None:
-        """`count` controllers, best first."""
         self._rules = rules
         self._closed_until = [-math.inf] * count
         self._wait = [rules.retry_s] * count
@@ -74,22 +73,18 @@ class FallbackChain:
                 yield rank
 
     def failed(self, rank: int, now: float) -> None:
-        """Suspend a controller."""
         self._closed_until[rank] = max(self._closed_until[rank], now + self._wait[rank])
         self._wait[rank] = min(2 * self._wait[rank], max(self._rules.retry_longest_s, self._rules.retry_s))
         self._good_since[rank] = math.inf
 
     def ban(self, rank: int) -> None:
-        """Suspend a controller permanently."""
         self._closed_until[rank] = math.inf
 
     @property
     def banned(self) -> bool:
-        """Whether all are suspended permanently."""
         return all(until == math.inf for until in self._closed_until)
 
     def worked(self, rank: int, now: float) -> None:
-        """A controller gave a usable answer."""
         self._good_since[rank] = min(self._good_since[rank], now)
         if now - self._good_since[rank] >= self._rules.forgive_s:
             self._wait[rank] = self._rules.retry_s
@@ -126,7 +121,6 @@ class Blend:
         self._step, self._since = step, now
 
     def smooth(self, command: float, now: float) -> float:
-        """`command` plus the remaining step."""
         share = max(0.0, 1 - max(now - self._since, 0.0) / self._time) if self._time > 0 else 0.0
         self.left = self._step * share
         return command + self.left
@@ -143,7 +137,6 @@ class Swings:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew."""
         self.count, self._side, self._far_at, self.growing = 0, 0.0, -math.inf, False
         self._peaks = deque([0.0], maxlen=4)
         self._peak_side, self._peak_at = 0.0, -math.inf

@@ -34,7 +34,6 @@ class History:
         self._counts, self._room = dict.fromkeys(channels, 0), room
 
     def add(self, measurements: Sequence[Measurement]) -> None:
-        """Keep the measurements of its channels."""
         for m in measurements:
             if m.channel in self._rows:
                 self._rows[m.channel][:, self._counts[m.channel] % self._room] = m.stamp_s, m.value
@@ -132,7 +131,6 @@ class ModelSwitch:
         return Prepared(offer, chain, observer, _monitor_of(observer))
 
     def put(self, prepared: Prepared) -> None:
-        """Queue a prepared offer."""
         if prepared.offer.verdict.passed:
             self._waiting.append(prepared)
         if not prepared.offer.verdict.passed or len(self._waiting) == 1:
@@ -156,18 +154,15 @@ class ModelSwitch:
         return self._present.counts
 
     def begin(self, origin_s: float) -> None:
-        """The reference begins at `origin_s`."""
         self.origin_s = origin_s
         if self._monitor is not None:
             self._monitor.begin(origin_s)
 
     def reset(self, now: float, command: float) -> None:
-        """Forget all but the `command` in force at `now`."""
         for observer in (self._present, *(waiting.observer for waiting in self._waiting)):
             observer.reset(now, command)
 
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
-        """The estimate at `now`, as `Estimator.observe`, of the estimator in use."""
         estimate = self._present.observe(now, command, measurements)
         if self._monitor is not None and now >= self.origin_s:
             self._monitor.look(now, command, estimate)
@@ -188,7 +183,6 @@ class ModelSwitch:
         return fresh
 
     def _lead_on(self, name: str, now: float) -> None:
-        """The model `name` in place of the broken one."""
         prepared = self._beside.pop(name)
         self._others.drop(name)
         self._supervisor.lead_on(prepared.chain, f"the model is broken, {name} predicts better")
@@ -210,5 +204,4 @@ class ModelSwitch:
 
 
 def _monitor_of(observer: Observer) -> Monitor | None:
-    """The monitor of an estimator's model; None for an estimator without one."""
     return None if isinstance(observer, KinematicFilter) else Monitor(observer)

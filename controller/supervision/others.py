@@ -44,5 +44,4 @@ class Others:
         return found
 
     def drop(self, name: str) -> None:
-        """The model `name` leads now."""
         del self._watched[name]

@@ -80,7 +80,6 @@ class Supervisor:
 
     @property
     def first(self) -> str:
-        """Name of the requested controller."""
         return self._chain[0].name
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
@@ -120,7 +119,6 @@ class Supervisor:
         self._reason = reason
 
     def halt(self, reason: str) -> None:
-        """Stop permanently, until `reset`."""
         self.halted = self.halted or reason
 
     def allow(self, steps: int | None) -> None:
@@ -168,7 +166,6 @@ class Supervisor:
         return self._stop(self._reason), "stopped"
 
     def _asked(self, rank: int, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, str | None]:
-        """The answer of one controller of the chain, and its fault."""
         controller, changed = self._chain[rank], rank != self._active
         began = self._clock()
         try:
@@ -257,7 +254,6 @@ class Supervisor:
             self.halt(f"no controller is left: {reason}")
 
     def _watch_rest(self, seen: Seen, reference: Reference) -> None:
-        """Since when capsule and reference have been at rest."""
         speeds = (seen.speed_m_s, _at(lambda t: reference.speed(t), self._now))
         resting = not seen.lost and all(abs(speed) <= self.rules.rest_speed_m_s for speed in speeds)
         self._rest_since = min(self._rest_since, self._elapsed) if resting else math.inf

@@ -68,7 +68,6 @@ class VibroController(Controller):
         return value if abs(value) < _FAR else None
 
     def _look(self, now: float, estimate: Estimate) -> None:
-        """Use a new estimate, at the rate of the localisation."""
         position = self._position(estimate)
         if position is None or not self._stamp + self.tuning.sample_s <= estimate.time_s <= now + self.tuning.tick_s:
             return
@@ -96,7 +95,6 @@ class VibroController(Controller):
         return min(max(total / tick, 0.0), 1.0)
 
     def _next(self, now: float, reference: Reference) -> None:
-        """Choose the next cycle's waveform."""
         started = time.perf_counter()
         ahead = np.asarray(now + self.mpc.step_s * np.arange(self.mpc.horizon + 1), dtype=np.float64)
         positions, speeds = reference.position(ahead), reference.speed(ahead)
@@ -115,7 +113,6 @@ class VibroController(Controller):
         self._solve_s = time.perf_counter() - started
 
     def _plan(self, now: float, positions: NDArray[np.float64], speeds: NDArray[np.float64]) -> float:
-        """The mean speed to command now."""
         wanted = float(speeds[0])
         if not self.tuning.feedback:
             return wanted
@@ -133,7 +130,6 @@ class VibroController(Controller):
         return float(self.mpc.plan(f.z, self._planned, positions[1:] - shift, speeds[1:], low, high)[0])
 
     def _take(self, choice: Choice, status: Status) -> None:
-        """Change to `choice`; another gear has its own bias."""
         before, after = self._cycle.gear, choice.gear
         if before != after:
             if before is not None:

@@ -77,7 +77,6 @@ class VibroModel:
 
     @classmethod
     def of(cls, surface: Surface, drive: Vibro, values: Theta, known: Catalogue = CATALOGUE) -> VibroModel:
-        """The model with the effects named in `values`."""
         for name in values.effects:
             if name not in known:
                 raise ValueError(f"effect must be one of the catalogue; got {name!r}; {nearest(name, list(known))}")
@@ -92,7 +91,6 @@ class VibroModel:
 
     @property
     def force_N(self) -> float:
-        """The coil's full force in N."""
         return float(self.values.get("force_N", self.drive.force_N))
 
     def assembly(self, smoothing: float = 0.0) -> Assembly:
@@ -106,8 +104,6 @@ class VibroModel:
 
 
 class Cycles:
-    """A model compiled for running waveforms."""
-
     def __init__(self, model: VibroModel) -> None:
         self.model = model
         assembly = model.assembly()
@@ -166,7 +162,6 @@ class Cycles:
 
 
 def _sampled(waveform: Waveform) -> Array:
-    """Levels of a cycle's steps."""
     return waveform.sampled(max(math.ceil(waveform.period_s / STEP_S), 4 * len(waveform.levels)))
 
 
@@ -195,7 +190,6 @@ IMPACTS: tuple[Impact, ...] = ("none", "front", "rear", "both")
 
 
 def impact_of(model: VibroModel, gait: Gait) -> Impact:
-    """The stops of `model` within the swings of `gait`."""
     front = model.drive.front is not None and gait.front_m > model.drive.front.gap_m
     rear = model.drive.rear is not None and gait.rear_m > model.drive.rear.gap_m
     return IMPACTS[front + 2 * rear]

@@ -91,7 +91,6 @@ def best_square(
 
 
 def _brought_to(cycles: Cycles, wave: Waveform, speed: float) -> tuple[Waveform, Gait]:
-    """The square wave near `wave` at `speed`, by a few steps of its amplitude."""
     gait = cycles.gait(wave)
     for _ in range(6):
         ratio = gait.speed_m_s / speed

@@ -36,16 +36,13 @@ class Gear:
 
     @property
     def slowest_m_s(self) -> float:
-        """The smallest speed, signed."""
         return self.speeds_m_s[0]
 
     @property
     def fastest_m_s(self) -> float:
-        """The largest speed, signed."""
         return self.speeds_m_s[-1]
 
     def reaches(self, speed_m_s: float) -> bool:
-        """Whether `speed_m_s` has this direction and is within reach."""
         return speed_m_s * self.fastest_m_s > 0 and abs(speed_m_s) <= abs(self.fastest_m_s)
 
     def waveform(self, speed_m_s: float) -> Waveform:

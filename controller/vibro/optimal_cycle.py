@@ -195,7 +195,6 @@ class _Program:
         return (copper + work) / (10 * abs(self.aim) * time) + _ROUGH * rough + slack
 
     def solver(self, slip: Array, start: Array) -> tuple[ca.Function, Array, Array]:
-        """The solver with the bounds of its constraints."""
         h = self.T * (_TIME / (PARTS * STEPS))
         ends = self.part.advance.map(PARTS)(self.Z[:, :-1], self.C.T, h, ca.DM(slip).T)
         distance = self.aim * self.T * _TIME / SCALE[0]

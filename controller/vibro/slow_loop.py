@@ -66,7 +66,6 @@ class ProgressFilter:
         self.P[2, 2] = (self.doubt + self.doubt_share * abs(speed_m_s)) ** 2
 
     def predict(self, time_s: float, command_m_s: float) -> None:
-        """Advance to `time_s` at the map's speed `command_m_s`."""
         h = min(max(time_s - self.time_s, 0.0), _LONGEST_STEP_S)
         self.time_s = max(time_s, self.time_s)
         if h == 0:

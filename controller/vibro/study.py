@@ -82,7 +82,6 @@ def vibro_study(model: VibroModel, drive: DriveMap, table: SpeedMap, delay_s: fl
 
 
 def resonance(model: VibroModel) -> Resonance:
-    """The swing of the inner mass, from masses, spring, damping and front stop."""
     m, M, drive = model.drive.inner_mass_kg, model.surface.body_kg, model.drive
     held = 2 * math.pi / free_period(model)
     share = math.sqrt(1 + m / M)

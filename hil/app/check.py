@@ -33,7 +33,7 @@ def check(
     records: Records,
     rig: RigFile,
     *,
-    out: Annotated[Path | None, option("--out", "DIR", "Folder for check.html and check.json.")] = None,
+    out: Annotated[Path | None, option("--out", "DIR")] = None,
     json_output: Json = False,
     effects: OwnEffects,
 ) -> int:
@@ -73,7 +73,6 @@ def _checked(records: Sequence[Path], rig: Path, out: Path | None, json_output: 
 
 
 def headline(findings: Sequence[RecordFinding]) -> str:
-    """How many findings, and what they do to a fit."""
     if not findings:
         return TEXT("check.nothing")
     worst = next(one for one in ("stops", "weakens", "note") if any(f.severity == one for f in findings))
@@ -83,7 +82,6 @@ def headline(findings: Sequence[RecordFinding]) -> str:
 def page_html(
     read: Sequence[Record], findings: Sequence[RecordFinding], hidden: dict[str, str], sizes: dict[str, Quantity]
 ) -> str:
-    """One self-contained page: findings, the records, what they would show at least."""
     from hil.report.builder import page  # what draws takes half a second to load
     from hil.report.figure_traces import columns_figure, names
 
@@ -100,7 +98,6 @@ def page_html(
 
 
 def _refused(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
-    """What close-loop would refuse before its fit, as a finding."""
     try:
         check_records(records, ())
     except ValueError as error:

@@ -43,28 +43,19 @@ _KEPT_S = 30 * 86400.0  # for which an interrupted search can go on
 
 
 def close_loop(
-    records: Annotated[
-        list[Path], argument("RECORD", "Training records: CSV, CAN logs, or files that convert reads.", "record")
-    ],
+    records: Annotated[list[Path], argument("RECORD", reads="record")],
     rig: options.RigFile,
-    out: Annotated[Path, option("--out", "DIR", "Folder for report, model and next experiment.")],
-    holdout: Annotated[
-        list[Path],
-        several("--holdout", "RECORD...", "Records that no fit, search or threshold may touch.", reads="record"),
-    ],
+    out: Annotated[Path, option("--out", "DIR")],
+    holdout: Annotated[list[Path], several("--holdout", "RECORD...", reads="record")],
     *,
-    budget: Annotated[
-        str | None, option("--budget", "TIME", "Longest search, as 90s, 5min, 2h; what it left out is said.")
-    ] = None,
+    budget: Annotated[str | None, option("--budget", "TIME")] = None,
     workers: options.WorkerCount = None,
     scheduler: options.Scheduler = None,
     json_output: options.Json = False,
     seed: options.Seed = 0,
     effects: options.OwnEffects,
 ) -> None:
-    """Find what the model lacks and write report, numbers, model and next experiment, all or none. SIGTERM ends it like
-    Ctrl-C.
-    """
+    """Find what the model lacks and write all files or none. SIGTERM ends it like Ctrl-C."""
     on, budget_s = Workers(workers, scheduler), math.inf if budget is None else options.seconds(budget, "--budget")
     with sole_writer(out, "--out"), spread(on):
         finding = _closed(records, rig, out, holdout, seed, effects, budget_s)
@@ -102,9 +93,7 @@ def _closed(
 
 
 def _same_search(files: Sequence[Path], asked: str) -> Path:
-    """Where this program keeps what it has done of the search in these `files`; what nobody went on with for a month is
-    removed.
-    """
+    """The file with what is done of the search in these `files`; those older than a month are removed."""
     folder = private_folder(cache_folder() / "searches")
     for old in folder.iterdir():
         if time.time() - old.stat().st_mtime > _KEPT_S:
@@ -171,7 +160,6 @@ def find_and_write(
 
 
 def _tell(sizes: Mapping[str, Quantity]) -> None:
-    """Print what the records would show at least, before the fit."""
     if sizes:
         console.notes().print(sizes_table(sizes))
 
@@ -192,7 +180,6 @@ def result_files(finding: Finding, model: Model) -> dict[str, str]:
 
 
 def print_summary(finding: Finding, out: Path) -> None:
-    """The verdict, the error before and after, and where the report is."""
     terminal, depends = console.summary(), finding.dependence
     terminal.print(f"{finding.verdict}: ", style="bold", end="")
     terminal.print(headline(finding))
@@ -217,7 +204,6 @@ def print_summary(finding: Finding, out: Path) -> None:
 
 
 def error_table(finding: Finding) -> Table:
-    """Error by stage, one row a part of the data."""
     _, unit = error_scale(finding)
     title = TEXT("close_loop.error", unit=f" in {unit}" if unit else "", measure=finding.measure)
     table = console.text_table(title, ("", *STAGES, "noise floor"))

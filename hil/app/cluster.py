@@ -25,11 +25,9 @@ _FOLDERS: Final = ("controller", "models", "plant", "hil")
 
 @cache
 def program_version() -> str:
-    """`0.2.0 sources 0123456789ab, numpy 2.2.1 ...`, then the hash of each installed effect and controller. Programs of
-    one version give the same rows.
-    """
+    """Versions and hashes of program, packages, effects and controllers: those of one version give the same rows."""
     sources = hashlib.sha256()
-    for path in sorted(path for folder in _FOLDERS for path in (_ROOT / folder).rglob("*.py")):
+    for path in sorted(p for folder in _FOLDERS for kind in ("*.py", "*.toml") for p in (_ROOT / folder).rglob(kind)):
         sources.update(path.relative_to(_ROOT).as_posix().encode() + path.read_bytes())
     packages = " ".join(f"{name} {version_of(name)}" for name in _PACKAGES)
     others = [
@@ -97,9 +95,7 @@ def _mapper(client: Any) -> Mapper:
 
 
 def packed(function: Callable[..., Any], *inputs: Any) -> Callable[[], Any]:
-    """A call as a function that is sent by value and unpacked on the worker, so the scheduler need not have this
-    program.
-    """
+    """A call as a function that is sent by value, so that the scheduler need not have this program."""
     data = pickle.dumps((function, inputs))
 
     def work() -> Any:

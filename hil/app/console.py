@@ -21,8 +21,7 @@ from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
 WIDTH = 110  # characters, where there is no terminal
-QUIET_S = 10.0
-"""Off a terminal, a stage that lasts prints a line after this time."""
+QUIET_S = 10.0  # Off a terminal, a stage that lasts prints a line after this time
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 _STEPS = 100_000  # of a bar
 _FIRST_SHARE = 0.02  # of the work, before the remaining time is estimated
@@ -55,13 +54,11 @@ def summary() -> Console:
 
 
 def say(*lines: str) -> None:
-    """Print lines on standard output without wrapping."""
     for line in lines:
         summary().print(line, soft_wrap=True)
 
 
 def note(line: str) -> None:
-    """Print a line on standard error without wrapping."""
     notes().print(line, soft_wrap=True)
 
 
@@ -128,7 +125,6 @@ def progress_bar(title: str, *, even: bool = False, done: float = 0.0) -> Iterat
 
 
 def part_of(report: Callable[[str, float], None], number: int, count: int) -> Callable[[str, float], None]:
-    """The `report` of part `number` of `count` equal ones."""
     return lambda stage, share: report(stage, (number + share) / count)
 
 

@@ -44,21 +44,10 @@ class Converted:
 
 
 def convert(
-    paths: Annotated[
-        list[Path],
-        argument("IN", "CSV, TSV, Parquet, MF4, MCAP, ROS bag, TDMS, MATLAB, HDF5, or a CAN log of ours.", "record"),
-    ],
-    out: Annotated[
-        str,
-        argument(
-            "OUT", "A .csv, .csv.gz, .parquet, .mf4 or .mcap file; or a folder for CSV files, existing or ending in /."
-        ),
-    ],
-    rig: Annotated[
-        Path | None,
-        option("--rig", "RIG.toml", "Rig file with the kind and [columns] to read; else all channels.", "rig file"),
-    ] = None,
-    kind: Annotated[str | None, option("--kind", "KIND", "Read as a rig of this kind, without a rig file.")] = None,
+    paths: Annotated[list[Path], argument("IN", reads="record")],
+    out: Annotated[str, argument("OUT")],
+    rig: Annotated[Path | None, option("--rig", "RIG.toml", reads="rig file")] = None,
+    kind: Annotated[str | None, option("--kind", "KIND")] = None,
     json_output: Json = False,
 ) -> None:
     """Write all files or none: with a rig or kind the columns as close-loop reads them, else all channels."""

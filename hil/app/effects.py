@@ -18,25 +18,18 @@ from models.effects.conformance import CHECKS
 from models.effects.effect import Effect
 from models.effects.equation import text_of
 from models.effects.own import effects_in, own_failure
-from models.files.toml import is_number
+from models.files.toml import check_word, is_number
 from models.identification.model import read_report
 from models.identification.residual_term import FORMS, SYMBOLS, UNITS
-from models.parameter import Parameter, nearest
+from models.parameter import Parameter
 
 
 def effects(
     *,
-    action: Annotated[
-        str,
-        argument(
-            "check|propose",
-            "check: run the conformance checks on a file of your own; propose: write what a report proposes for"
-            " its residual as such a file.",
-        ),
-    ] = "list",
-    file: Annotated[Path | None, argument("FILE.py|DIR", "The file to check, or the folder of the report.")] = None,
+    action: Annotated[str, argument("check|propose")] = "list",
+    file: Annotated[Path | None, argument("FILE.py|DIR")] = None,
     own: OwnEffects,
-    out: Annotated[Path | None, option("--out", "FILE.py", "Where propose writes the effect.")] = None,
+    out: Annotated[Path | None, option("--out", "FILE.py")] = None,
     json_output: Json = False,
 ) -> None:
     """List the catalogue, run the conformance checks on a file of effects, or write what a report proposes."""
@@ -45,10 +38,7 @@ def effects(
     if file is not None and out is not None:
         propose(file, out, json_output=json_output)
         return
-    if action not in ("list", "check"):
-        raise ValueError(
-            f"action must be list, check or propose; got {action!r}; {nearest(action, ('list', 'check', 'propose'))}"
-        )
+    check_word(action, "action", ("list", "check", "propose"))
     if (file is None) == (action == "check"):
         raise ValueError(f"a file must stand with check alone; got {file or 'none'}")
     catalogue = Catalogue.read([file] if file is not None else own)
@@ -178,7 +168,6 @@ def _text(report: Mapping[str, Any], term: Mapping[str, Any], name: str) -> str:
 
 
 def _number(name: str, value: float, unit: str, centres: Sequence[float]) -> Parameter:
-    """A number of the form, free within what its meaning allows."""
     if name == "middle":
         span = max(centres) - min(centres)
         lower, upper = min(value, *centres) - span, max(value, *centres) + span

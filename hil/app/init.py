@@ -27,11 +27,9 @@ _NOTE: Final = Path(__file__).with_name("rig_readme.md.txt")
 
 
 def init(
-    kind: Annotated[str, argument("KIND", "pull, magnetic, coil, vibro, vibro_table, axis, periods, friction or dma.")],
-    folder: Annotated[Path, argument("DIR", "Folder for the files; it is made if missing.")],
-    rotary: Annotated[
-        bool, typer.Option("--rotary", help="A rotary axis: angle, torque and inertia, in rad and N m.")
-    ] = False,
+    kind: Annotated[str, argument("KIND")],
+    folder: Annotated[Path, argument("DIR")],
+    rotary: Annotated[bool, typer.Option("--rotary")] = False,
     json_output: Json = False,
 ) -> None:
     """Write three files, all or none. Raises ValueError for an unknown kind and for a file that exists."""

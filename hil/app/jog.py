@@ -27,29 +27,17 @@ from models.files.toml import check_word, in_file
 
 HELD_S: Final = 0.15
 """A key counts as held for this long after the terminal last sent it; terminals repeat keys every 30 ms or so."""
-QUIET_S: Final = 0.1
-"""How long to listen for another sender of the same name before anything is sent: five cycles."""
+QUIET_S: Final = 0.1  # How long to listen for another sender of the same name before anything is sent: five cycles
 RELEASE_S: Final = 0.1  # for which a release is sent before and after
 _FASTER: Final = 1.25  # by which a key changes the speed
 _SHOWN_S: Final = 0.1  # between two lines on the terminal
 
 
 def jog(
-    path: Annotated[
-        Path, argument("DEPLOYMENT.toml", "A deployment file with [operator] accept = true.", "deployment file")
-    ],
-    source: Annotated[
-        str, option("--source", "NAME", "Sender: keyboard, cockpit, joystick, ros, script, other.")
-    ] = "keyboard",
-    script: Annotated[
-        str | None,
-        option(
-            "--script",
-            "FILE",
-            "Lines 'speed MM_S SECONDS', 'position MM SECONDS', 'release SECONDS' instead of keys; - for stdin.",
-        ),
-    ] = None,
-    life_ms: Annotated[float, option("--life", "MS", "How long a setpoint is valid; 1 to 200.")] = 100.0,
+    path: Annotated[Path, argument("DEPLOYMENT.toml", reads="deployment file")],
+    source: Annotated[str, option("--source", "NAME")] = "keyboard",
+    script: Annotated[str | None, option("--script", "FILE")] = None,
+    life_ms: Annotated[float, option("--life", "MS")] = 100.0,
     json_output: Json = False,
 ) -> int:
     """Send setpoints: 0 where a controller accepted all that were sent while held, else 1, or where another sends."""
@@ -81,7 +69,6 @@ def jog(
 
 
 def _planned(script: str) -> list[Step]:
-    """The steps of a script. Raises ValueError where it cannot be read."""
     if script == "-":
         return list(steps(sys.stdin, "standard input"))
     try:
@@ -134,7 +121,6 @@ def _by_keys(sender: OperatorSender, limits: OperatorLimits, signals: StopSignal
 
 
 def _end(path: Path, sender: OperatorSender, json_output: bool) -> int:
-    """Print what became of the setpoints; the exit status."""
     newest, unsent = sender.answer, sender.transmitter.unsent
     counts = {"sent": sender.sent - unsent, "unsent": unsent, "answers": sender.answers, "taken": sender.taken}
     last = None if newest is None else {name: getattr(newest, name) for name in newest.__slots__}

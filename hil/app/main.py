@@ -3,7 +3,7 @@
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Final
 
@@ -16,46 +16,14 @@ from hil.app.shared_options import declared
 from hil.app.system import INTERRUPTED, INTERRUPTION
 from hil.app.write import file_trouble
 from hil.own_process import version_of
+from models.files.toml import beside
 from models.parameter import nearest
 
 BAD_INPUT = 2  # exit status
 FILES = (
     "--out", "--rig", "--model", "--reference", "--holdout", "--log", "--mcap", "--plot", "--effects", "--controllers",
 )  # fmt: skip
-GROUPS: Final[Mapping[str, Mapping[str, tuple[str, str]]]] = {
-    "start": {
-        "demo": ("hil.app.demo.demo:demo", "--out out/demo"),
-        "init": ("hil.app.init:init", "magnetic my_rig"),
-        "convert": ("hil.app.convert:convert", "run_1.mf4 run_2.tdms converted/ --rig rig.toml"),
-        "plot": ("hil.app.plot:plot", "run_1.csv run_2.csv --rig rig.toml --out records.html"),
-    },
-    "find": {
-        "check": ("hil.app.check:check", "run_1.csv run_2.csv --rig rig.toml"),
-        "close-loop": (
-            "hil.app.close_loop:close_loop",
-            "run_1.csv run_2.csv --rig rig.toml --holdout run_3.csv --out out",
-        ),
-        "predict": ("hil.app.predict:predict", "run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv"),
-        "effects": ("hil.app.effects:effects", "check my_effect.py"),
-        "seeds": ("hil.app.papers.seeds:seeds", "--plot papers"),
-    },
-    "simulate": {
-        "simulate": ("hil.app.simulate:simulate", "hil/scenarios/pull_over_folds.toml --out record.csv"),
-        "design": ("hil.app.design.design:design", "rig.toml --out design"),
-        "track": ("hil.app.track.track:track", "hil/scenarios/track_magnetic_ramp.toml --controller mpc --out out"),
-        "sil": ("hil.app.sil.sil:sil", "hil/scenarios/sil_magnetic_drop.toml --out out"),
-        "campaign": ("hil.app.campaign.campaign:campaign", "hil/scenarios/campaign_magnetic.toml --out out/campaign"),
-        "export": ("hil.app.export.export:export", "fmu hil/scenarios/sil_magnetic_drop.toml --out plant.fmu"),
-    },
-    "lead": {
-        "plant": ("hil.app.run.simulated_plant:plant", "examples/deployment/deployment.toml --seconds 60"),
-        "run": ("hil.app.run.run:run", "deployment.toml check"),
-        "cockpit": ("hil.app.cockpit.cockpit:cockpit", "deployment.toml"),
-        "jog": ("hil.app.jog:jog", "examples/deployment/deployment.toml"),
-        "replay": ("hil.app.run.replay:replay", "run.blf"),
-    },
-}
-"""Commands in the order of use below each heading of the help: the function that declares and does it, an example."""
+GROUPS: Final = beside(__file__, "commands.toml")
 COMMANDS: Final = {name: one for group in GROUPS.values() for name, one in group.items()}
 
 
@@ -63,15 +31,14 @@ class _Command(TyperCommand):
     """A command whose module is loaded once its words are understood and its files are there."""
 
     def __init__(self, name: str) -> None:
-        self.target, example = COMMANDS[name]
-        super().__init__(
-            name, help=TEXT(f"help.{name}"), epilog=f"Example: capsule {name} {example}", rich_markup_mode=None
-        )
+        self.target, example = COMMANDS[name]["does"], f"Example: capsule {name} {COMMANDS[name]['example']}"
+        super().__init__(name, help=TEXT(f"help.{name}"), epilog=example, rich_markup_mode=None)
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """The context of the command that the function's signature declares."""
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        app.command(self.name, help=self.help, epilog=self.epilog)(declared(self.target))
+        app.command(self.name, help=self.help, epilog=self.epilog)(
+            declared(self.target, COMMANDS[self.name].get("words", {}))
+        )
         command = typer.main.get_command(app)
         for one in command.params:
             if isinstance(one, TyperArgument):  # its metavar says more than `<list[Path]>`

@@ -20,10 +20,8 @@ from models.rigs.columns import TIME
 
 def plot(
     records: Records,
-    rig: Annotated[
-        Path | None, option("--rig", "RIG.toml", "Their rig file; else all columns unchanged.", "rig file")
-    ] = None,
-    out: Annotated[Path, option("--out", "PAGE.html", "Where the page goes.")] = Path("records.html"),
+    rig: Annotated[Path | None, option("--rig", "RIG.toml", reads="rig file")] = None,
+    out: Annotated[Path, option("--out", "PAGE.html")] = Path("records.html"),
     json_output: Json = False,
 ) -> None:
     """Draw records of a rig as close-loop reads them, else all numeric columns of the files."""
@@ -50,7 +48,6 @@ def unchanged(path: Path) -> list[Record]:
 
 
 def page(records: Sequence[Record]) -> str:
-    """The page of records of one kind."""
     eyebrow = f"{len(records)} record{'s' * (len(records) > 1)}"
     drawn = columns_figure(records)
     return builder.page("plot.html.j2", title=names(records), eyebrow=eyebrow, lead="", heading="Columns", drawn=drawn)

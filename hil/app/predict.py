@@ -22,10 +22,10 @@ from models.words.sentences import Quantity
 
 
 def predict(
-    record: Annotated[Path, argument("RECORD", "A record; its measured columns may be missing.", "record")],
+    record: Annotated[Path, argument("RECORD", reads="record")],
     rig: RigFile,
-    model: Annotated[Path, option("--model", "MODEL.toml", "A model that close-loop wrote.", "model")],
-    out: Annotated[Path, option("--out", "PRED.csv", "Where the prediction goes.")],
+    model: Annotated[Path, option("--model", "MODEL.toml", reads="model")],
+    out: Annotated[Path, option("--out", "PRED.csv")],
     *,
     stage: Stage = "augmented",
     json_output: Json = False,
@@ -62,7 +62,6 @@ def predict(
 
 
 def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
-    """Root mean square of measured minus predicted, by measured column that both have."""
     return {
         name: float(np.sqrt(np.mean((record[name] - columns[name]) ** 2)))
         for name in record.layout.measured

@@ -5,7 +5,7 @@ import math
 import re
 import sys
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,15 +21,15 @@ _STAGES = "nominal/calibrated/augmented"
 
 
 def loaded(target: str) -> Callable[..., Any]:
-    """The function `module:name`."""
     module, _, name = target.partition(":")
     function: Callable[..., Any] = getattr(import_module(module), name)
     return function
 
 
-def declared(target: str) -> Callable[..., Any]:
+def declared(target: str, words: Mapping[str, str]) -> Callable[..., Any]:
     """The function `module:name`, which is imported once it is called: importing it takes seconds, and a missing file
-    or an unknown option is said at once. Its parameters are read from the source, and may name what this module has.
+    or an unknown option is said at once. Its parameters are read from the source, and may name what this module has;
+    the help of each is its `words`.
     """
     module, _, name = target.partition(":")
     source = Path(str(getattr(find_spec(module), "origin", "")))
@@ -38,11 +38,15 @@ def declared(target: str) -> Callable[..., Any]:
     here = {**vars(typing), **vars(sys.modules[__name__]), "options": sys.modules[__name__], "_loaded": loaded}
     exec(compile(ast.fix_missing_locations(ast.Module([found], [])), str(source), "exec"), here)
     declaration: Callable[..., Any] = here[name]
+    for parameter, said in words.items():
+        declaration.__annotations__[parameter].__metadata__[0].help = said
     return declaration
 
 
-def option(name: str, metavar: str, words: str, reads: str = "") -> Any:
-    """The option `--name METAVAR` with its `words` in the help; `reads`: what the file is that it names."""
+def option(name: str, metavar: str, words: str = "", reads: str = "") -> Any:
+    """The option `--name METAVAR`; one that a single command has finds its `words` in `commands.toml`. `reads`:
+    what the file is that it names.
+    """
     return typer.Option(name, metavar=metavar, help=words, callback=_readable(reads))
 
 
@@ -67,7 +71,7 @@ def seconds(text: str, name: str) -> float:
     return value
 
 
-def several(name: str, metavar: str, words: str, taken_in: str = "", reads: str = "") -> Any:
+def several(name: str, metavar: str, words: str = "", taken_in: str = "", reads: str = "") -> Any:
     """An option that may be given several times; the function `taken_in` (`module:name`) reads it first."""
 
     def take_in(paths: list[Path]) -> list[Path]:
@@ -79,8 +83,8 @@ def several(name: str, metavar: str, words: str, taken_in: str = "", reads: str 
     return typer.Option(name, metavar=metavar, help=words, default_factory=list, show_default=False, callback=use)
 
 
-def argument(metavar: str, words: str, reads: str = "") -> Any:
-    """The argument METAVAR with its `words` in the help; `reads`: what the file is that it names."""
+def argument(metavar: str, words: str = "", reads: str = "") -> Any:
+    """The argument METAVAR; `words` and `reads` as those of `option`."""
     return typer.Argument(metavar=metavar, help=words, callback=_readable(reads))
 
 

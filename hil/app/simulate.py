@@ -10,11 +10,10 @@ from plant.experiments.scenario import load_scenario, record_scenario, write_rec
 
 
 def simulate(
-    scenario: Annotated[Path, argument("SCENARIO.toml", "Rig, drive and hidden effects.", "scenario")],
-    out: Annotated[Path, option("--out", "RECORD.csv", "Where the record goes.")],
+    scenario: Annotated[Path, argument("SCENARIO.toml", reads="scenario")],
+    out: Annotated[Path, option("--out", "RECORD.csv")],
     json_output: Json = False,
 ) -> None:
-    """Write the record of the scenario and print where it is."""
     with output_to_notes():
         write_simulated(scenario, out)
     answer(json_output, {"scenario": str(scenario), "record": str(out)}, f"record: {out}")

@@ -16,7 +16,6 @@ def leave_current_folder() -> None:
 
 
 def main() -> None:
-    """Run the command line and end with its status."""
     streams = Streams()
     sys.exit(streams.status(_status(sys.argv[1:])))
 

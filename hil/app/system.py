@@ -12,8 +12,7 @@ from typing import Final, TextIO
 
 INTERRUPTED: Final = 130  # exit status, as shells have it: 128 and SIGINT
 INTERRUPTION: Final = "interrupted: no result was written"
-UNWRITTEN = 1
-"""The status of a command that did its work but could not write its result to standard output."""
+UNWRITTEN = 1  # The status of a command that did its work but could not write its result to standard output
 
 
 class _Patient(io.FileIO):
@@ -64,7 +63,6 @@ class Streams:
 
 
 def _text(raw: _Patient, before: TextIO | None) -> io.TextIOWrapper:
-    """A text stream to a descriptor, encoded as `before`."""
     encoding, errors = getattr(before, "encoding", None) or "utf-8", getattr(before, "errors", None) or "strict"
     by_line = getattr(before, "line_buffering", False) or getattr(before, "write_through", False)
     return io.TextIOWrapper(io.BufferedWriter(raw), encoding, errors, line_buffering=by_line)

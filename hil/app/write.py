@@ -96,7 +96,6 @@ def sole_writer(path: Path, option: str) -> Iterator[None]:
 
 
 def own_folder(path: Path | None, option: str) -> AbstractContextManager[None]:
-    """As `sole_writer` where there is a folder."""
     return nullcontext() if path is None else sole_writer(path, option)
 
 

@@ -107,7 +107,6 @@ class AuthenticatedBus(WrappingBus):
         return None
 
     def _opened(self, wire: can.Message) -> can.Message | str:
-        """The frame inside, or why it is refused."""
         if wire.is_error_frame:
             return wire
         if wire.is_extended_id or wire.is_remote_frame:
@@ -123,7 +122,6 @@ class AuthenticatedBus(WrappingBus):
         return inside(wire) if self._fresh(identifier, *freshness(data)) else "replayed"
 
     def _fresh(self, identifier: int, count: int, epoch: int) -> bool:
-        """Whether a genuine frame is newer than all before; it is then remembered."""
         seen = self._seen.setdefault(identifier, {})
         if epoch in seen:
             if count <= seen[epoch]:

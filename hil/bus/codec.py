@@ -17,8 +17,6 @@ class FrameError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a received frame is ignored."""
-
     reason: Reason
     detail: str = ""
 

@@ -82,7 +82,6 @@ class LocalBus(OwnBus):
         self._poll.register(peer, select.EPOLLIN)
 
     def _greet(self) -> None:
-        """Accept nodes that have joined."""
         while len(self._peers) < _NODES:
             try:
                 peer, _ = self._listener.accept()

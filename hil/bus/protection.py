@@ -40,8 +40,6 @@ RESYNC = 3  # good frames in a row after which data are valid again
 
 
 class Sender:
-    """Turns values into protected frames of one kind; counts them."""
-
     def __init__(self, frame: Frame) -> None:
         self.id, self._codec, self._counter, self._data_id = frame.id, Codec(frame), 0, frame.data_id
 
@@ -58,7 +56,6 @@ class Sender:
         return bytes(data)
 
     def skip(self, frames: int) -> None:
-        """Advance the counter by `frames`."""
         self._counter = (self._counter + frames) % COUNTS
 
 
@@ -76,7 +73,6 @@ class FrameTransmitter:
             self.unsent += 1
 
     def skip(self, name: str, frames: int) -> None:
-        """Advance the counter by `frames` that were not sent."""
         self._senders[name].skip(frames)
 
 
@@ -132,7 +128,6 @@ class Receiver:
         return values
 
     def _step(self, counter: int, now: float) -> int | Refusal:
-        """The step of the counter, at least 1, or the refusal."""
         if self.counter < 0:
             return 1
         step = (counter - self.counter) % COUNTS
@@ -159,7 +154,6 @@ class Reception:
 
     @property
     def refused(self) -> int:
-        """Count of frames that its receivers have refused."""
         return sum(receiver.refused.total() for receiver in self.receivers.values())
 
     def accept(self, identifier: int, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:

@@ -102,7 +102,6 @@ class CarriageBus(WrappingBus):
         return self._ready.popleft()
 
     def feed(self, state: int, position_m: float, speed_m_s: float, stamp: float) -> None:
-        """Pass a feedback to the controller; `state` in the catalogue's numbers."""
         speed = min(max(speed_m_s, -FASTEST_M_S), FASTEST_M_S)
         temperature = {"State": float(state), "Temperature_degC": NOT_MEASURED_C}
         self._hear("CarriageFeedback", {"Position_m": position_m, "Velocity_m_s": speed, **temperature}, stamp)
@@ -185,14 +184,11 @@ class TurningBus(CarriageBus):
         """The next step of braking, and finally the command to stop."""
 
     def _take_wanted(self, begin_m: float) -> None:
-        """Move from `begin_m` to the commanded position within the tick."""
         self._rate_m_s, self._last_m = (self._wanted_m - begin_m) / self._tick_s, self._wanted_m
         self._braking, self._rested = None, 0
 
     def _brake(self) -> tuple[float, float] | None:
-        """The next position and rate of braking at `QUICK_STOP_M_S2`, from the last command or else from the measured
-        position; None after `_SETTLE` ticks at rest.
-        """
+        """The next position and rate of braking, from the last command or measured; None after `_SETTLE` ticks."""
         if self._rested >= _SETTLE:
             return None
         moves = (self._position_m, self._speed_m_s) if math.isnan(self._last_m) else (self._last_m, self._rate_m_s)

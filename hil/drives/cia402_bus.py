@@ -98,7 +98,6 @@ class Cia402Bus(CarriageBus):
         return True
 
     def _judge(self, stamp: float) -> None:
-        """Latch a fault if the enabled drive reports that it does not follow."""
         if p402.state_of(self._statusword) != p402.OPERATION or self._word != p402.ENABLE_OPERATION:
             self._followed, self._astray = False, 0
             return

@@ -8,7 +8,7 @@ import can
 from pydantic import BeforeValidator
 
 from hil.bus.wrapping import plain
-from hil.drives.table import NODE, ActuatorTable
+from hil.drives.table import CODES, NODE, ActuatorTable, faults_of
 from hil.nodes import frame_map as our
 from models.rigs.schema import Among, key
 
@@ -34,31 +34,14 @@ MASTER_NODE: Final = 127  # the last node id
 _SDO_WRITES: Final = (0, 1, 6)  # client commands of an SDO download: a segment, its begin, a block
 OPERATIONAL: Final = 5  # of a heartbeat, CiA 301
 HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9  # modes of operation
-MODE_NAMES: Final[Mapping[int, str]] = {
-    0: "none",
-    1: "profile position",
-    2: "velocity",
-    3: "profile velocity",
-    4: "profile torque",
-    HOMING_MODE: "homing",
-    7: "interpolated position",
-    CYCLIC_SYNCHRONOUS_POSITION: "cyclic synchronous position",
-    CYCLIC_SYNCHRONOUS_VELOCITY: "cyclic synchronous velocity",
-    10: "cyclic synchronous torque",
-}
+MODE_NAMES: Final = {int(mode): words for mode, words in CODES["cia402"]["modes"].items()}
 """Modes of operation in words, as 0x6061 shows them; bit `mode - 1` of 0x6502 is set if a drive knows it."""
 MODES: Final[Mapping[str, int]] = {"position": CYCLIC_SYNCHRONOUS_POSITION, "velocity": CYCLIC_SYNCHRONOUS_VELOCITY}
 RPDO: Final = struct.Struct("<Hi")  # controlword 0x6040, target position 0x607A or target velocity 0x60FF
 TPDO_STATE: Final = struct.Struct("<Hi")  # statusword 0x6041, actual position 0x6064
 TPDO_MORE: Final = struct.Struct("<iH")  # actual velocity 0x606C, error code 0x603F
 DEADLINE_ERROR, HEARTBEAT_ERROR, TEMPERATURE_ERROR, SENSOR_ERROR = 0x8250, 0x8130, 0x4310, 0x7300  # CiA 301 and 402
-_ERRORS: Final[Mapping[int, int]] = {
-    0x2300: our.OVER_CURRENT,
-    0x4300: our.OVER_TEMPERATURE,
-    SENSOR_ERROR: our.SENSOR,
-    DEADLINE_ERROR: our.TIME_TO_LIVE,
-    HEARTBEAT_ERROR: our.HEARTBEAT_LOST,
-}
+_ERRORS: Final = {number: code for number, (_, code) in faults_of(CODES["cia402"]["errors"]).items()}
 _SHOWN: Final = (our.BOOT, our.STANDBY, our.WAITING, our.WAITING, our.ENABLED, our.STOPPING, our.FAULT, our.FAULT)
 """The states in the catalogue's numbers."""
 
@@ -187,7 +170,6 @@ def next_state(state: int, word: int, before: int, *, cause: bool, at_rest: bool
 
 
 def _commanded(state: int, word: int) -> int:
-    """Where a controlword leads from disabled, ready, switched on and operation."""
     if not word & 0x02:
         return DISABLED
     if not word & 0x04:

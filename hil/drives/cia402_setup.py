@@ -25,7 +25,6 @@ _MODE_S, _ERROR_S = 0.5, 0.1
 
 
 def word_of(node: Any, index: int, *, signed: bool = False) -> int:
-    """The value of an object without subindex."""
     return int.from_bytes(node.sdo.upload(index, 0), "little", signed=signed)
 
 
@@ -93,7 +92,6 @@ class _Homing:
         return since_s > 0 and bool(attained) and (self.away or self._here(node))
 
     def _here(self, node: Any) -> bool:
-        """Whether the drive homes in place, and its position is its home offset (0x607C)."""
         if self._table.homing_method not in p402.HOMES_HERE:
             return False
         try:

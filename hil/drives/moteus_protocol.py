@@ -1,7 +1,7 @@
 """The table `[moteus]`, a moteus' frames and faults. Source: the maker's reference of CAN protocol and registers."""
 
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar, Final
@@ -9,8 +9,8 @@ from typing import ClassVar, Final
 import can
 
 from hil.bus.wrapping import fd_frame
-from hil.drives.table import NODE, TurningTable
-from hil.nodes.frame_map import INTERNAL, OVER_CURRENT, OVER_TEMPERATURE, SELF_TEST_FAILED, SENSOR, SUPPLY, TIME_TO_LIVE
+from hil.drives.table import CODES, NODE, TurningTable, faults_of
+from hil.nodes.frame_map import TIME_TO_LIVE
 from models.rigs.schema import key
 
 MODE, POSITION, VELOCITY, TORQUE, HOME_STATE, FAULT_CODE = 0x00, 0x01, 0x02, 0x03, 0x0C, 0x0F  # of moteus' reference
@@ -19,8 +19,7 @@ COMMAND_POSITION, COMMAND_VELOCITY, MAXIMUM_TORQUE, SET_OUTPUT_EXACT = 0x20, 0x2
 WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT = 0x27, 0x28, 0x29  # the same
 HELD: Final = (COMMAND_POSITION, COMMAND_VELOCITY, WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT)
 """The registers of a command that a drive reports back."""
-UNLIMITED: Final = -1.0
-"""No limit of velocity or acceleration. A limit that is not written is the configuration's."""
+UNLIMITED: Final = -1.0  # No limit of velocity or acceleration. A limit that is not written is the configuration's.
 RELATIVE, ROTOR, OUTPUT = 0, 1, 2
 """Home states: position known relative to power-on, within a turn of the rotor, or at the output."""
 STOPPED, FAULTED, ENABLING, POSITION_MODE, TIMED_OUT, ZERO_VELOCITY, BRAKE = 0, 1, 2, 10, 11, 12, 15
@@ -33,31 +32,10 @@ _FORMS: Final = "bhif"  # as struct has them
 REPLY_WANTED: Final = 0x8000  # bit of the identifier
 HOST: Final = 0x7A  # our source number: no reply to it has an identifier of the catalogue
 BROADCAST: Final = 0x7F  # node id
-SESSION: Final = 202
-"""The can.prefix of a drive in use. It is volatile, so a rebooted drive has its own prefix again."""
+SESSION: Final = 202  # The can.prefix of a drive in use. It is volatile, so a rebooted drive has its own prefix again.
 PREFIXES: Final = (0, SESSION)  # of identifiers that are read
 _LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # bytes of CAN FD frames
-FAULTS: Final[Mapping[int, tuple[str, int]]] = {
-    32: ("calibration fault", SENSOR),
-    33: ("motor driver fault", OVER_CURRENT),
-    34: ("over voltage", SUPPLY),
-    35: ("encoder fault", SENSOR),
-    36: ("motor not configured", SELF_TEST_FAILED),
-    37: ("pwm cycle overrun", INTERNAL),
-    38: ("over temperature", OVER_TEMPERATURE),
-    39: ("outside limit", INTERNAL),
-    40: ("under voltage", SUPPLY),
-    41: ("config changed", INTERNAL),
-    42: ("theta invalid", SENSOR),
-    43: ("position invalid", SENSOR),
-    44: ("driver enable fault", INTERNAL),
-    45: ("stop position deprecated", INTERNAL),
-    46: ("timing violation", INTERNAL),
-    47: ("bemf feedforward no accel", INTERNAL),
-    48: ("invalid limits", INTERNAL),
-    49: ("position control error", INTERNAL),
-    50: ("velocity control error", INTERNAL),
-}
+FAULTS: Final = faults_of(CODES["moteus"]["faults"])
 """Fault codes of mode 1: name, and the catalogue's code. Codes from 96 on only report an active limit."""
 WATCHDOG: Final = ("watchdog expired (mode 11, timeout)", TIME_TO_LIVE)
 
@@ -107,7 +85,6 @@ def replier(message: can.Message) -> int:
 
 
 def head(kind: int, form: int, first: int, count: int) -> bytes:
-    """The head of a subframe of `count` registers from `first` on."""
     short = count < 4
     return bytes((kind | form << 2 | count * short, *(() if short else (count,)))) + varuint(first)
 
@@ -130,7 +107,6 @@ def mode_write(mode: int) -> bytes:
 
 
 def write(first: int, values: Sequence[float]) -> bytes:
-    """Write registers from `first` on as floats."""
     return head(WRITE, FLOAT, first, len(values)) + values_in(FLOAT, values)
 
 

@@ -43,7 +43,6 @@ def set_up(
 
 
 def _stops(table: MoteusTable, ask: "MoteusQuestions") -> None:
-    """Check that it stops without commands, as `stops_s` states."""
     default, mode = ask.setting("servo.default_timeout_s"), ask.setting("servo.timeout_mode")
     fine = not math.isnan(default)
     table.must(fine, "have a watchdog of its own (servo.default_timeout_s); got nan, which is none")
@@ -62,7 +61,6 @@ def _stops(table: MoteusTable, ask: "MoteusQuestions") -> None:
 
 
 def _obeys(table: MoteusTable, limits: Limits, ask: "MoteusQuestions") -> None:
-    """Check that it follows commanded positions by measured ones."""
     words = "measure where it is: servo.fixed_voltage_mode must be 0; got 1, which reports the commanded position"
     table.must(not ask.setting("servo.fixed_voltage_mode", 0.0), words)
     table.must(
@@ -162,7 +160,6 @@ class MoteusQuestions(Questions):
         return self._prefix == wire.SESSION
 
     def _drain(self) -> None:
-        """Empty its stream, up to `_MOST_POLLS`."""
         for _ in range(_MOST_POLLS):
             if not self._poll():
                 return

@@ -47,7 +47,6 @@ class OdriveBus(TurningBus):
 
     @property
     def _why(self) -> str:
-        """The result of the last requested state, if it failed."""
         return "" if self._result in (wire.SUCCESS, wire.BUSY) else f" ({wire.result_of(self._result)})"
 
     @property
@@ -85,7 +84,6 @@ class OdriveBus(TurningBus):
         self._tell(wire.GET_ERROR, timeout)
 
     def take(self, message: can.Message) -> bool:
-        """The node's frames; heartbeats of other nodes are remembered."""
         node, command, data = message.arbitration_id >> 5, message.arbitration_id & 0x1F, bytes(message.data)
         if not plain(message) or node not in FREE_NODES:
             return False

@@ -9,10 +9,9 @@ import can
 from pydantic import BeforeValidator, Field
 
 from hil.bus.wrapping import classic_frame, plain
-from hil.drives.table import NODE, TurningTable
-from hil.nodes import frame_map as our
-from hil.nodes.frame_map import INTERNAL, SENSOR, SUPPLY, frames
-from models.parameter import nearest
+from hil.drives.table import CODES, NODE, TurningTable, faults_of
+from hil.nodes.frame_map import INTERNAL, frames
+from models.files.toml import check_known
 from models.rigs.schema import key
 
 
@@ -52,72 +51,17 @@ SENT_BY_DRIVE: Final = (*(one.number for one in _SPOKEN), 0x14, 0x15, 0x17, 0x1C
 """Frames that the drive sends, on request or by itself."""
 BROADCAST: Final = 63  # the node number of all drives, and of a drive without an address
 UNDEFINED, IDLE, CLOSED_LOOP = 0, 1, 8  # axis states
-AXIS_STATES: Final[Mapping[int, str]] = {
-    UNDEFINED: "undefined (it boots)",
-    IDLE: "idle",
-    2: "startup sequence",
-    3: "full calibration sequence",
-    4: "motor calibration",
-    5: "sensorless control",
-    6: "encoder index search",
-    7: "encoder offset calibration",
-    CLOSED_LOOP: "closed loop control, set by another master",
-    9: "lock-in spin",
-    10: "encoder direction find",
-    11: "homing",
-    12: "encoder hall polarity calibration",
-    13: "encoder hall phase calibration",
-    14: "anticogging calibration",
-}
+AXIS_STATES: Final = {int(state): words for state, words in CODES["odrive"]["axis_states"].items()}
 """Axis states in words; the motor has a current in all but the first two."""
 SUCCESS, BUSY, DISARMED, INVALID_STATE, NOT_CALIBRATED = 0, 1, 3, 13, 14  # places in `RESULTS`
-RESULTS: Final[tuple[str, ...]] = (
-    "SUCCESS",
-    "BUSY",
-    "CANCELLED",
-    "DISARMED",
-    "NO_RESPONSE",
-    "POLE_PAIR_CPR_MISMATCH",
-    "PHASE_RESISTANCE_OUT_OF_RANGE",
-    "PHASE_INDUCTANCE_OUT_OF_RANGE",
-    "UNBALANCED_PHASES",
-    "INVALID_MOTOR_TYPE",
-    "ILLEGAL_HALL_STATE",
-    "TIMEOUT",
-    "HOMING_WITHOUT_ENDSTOP",
-    "INVALID_STATE",
-    "NOT_CALIBRATED",
-    "NOT_CONVERGING",
-)
+RESULTS: Final[list[str]] = CODES["odrive"]["results"]
 """Procedure_Result of the heartbeat: the result of the last requested axis state."""
 POSITION_CONTROL, PASSTHROUGH = 3, 1  # control and input mode
 VEL_FF_SCALE: Final = 1000  # vel_FF in a turn a second, as axis0.config.can.input_vel_scale is shipped
 LARGEST_VEL_FF: Final = 32767  # of a signed word of 16 bits
 HEARTBEAT_S: Final = 0.02  # period that is set
 INITIALIZING: Final = 1  # bit of ODrive.Error
-ERRORS: Final[Mapping[int, tuple[str, int]]] = {
-    0x2: ("SYSTEM_LEVEL", INTERNAL),
-    0x4: ("TIMING_ERROR", INTERNAL),
-    0x8: ("MISSING_ESTIMATE", SENSOR),
-    0x10: ("BAD_CONFIG", INTERNAL),
-    0x20: ("DRV_FAULT", INTERNAL),
-    0x40: ("MISSING_INPUT", INTERNAL),
-    0x100: ("DC_BUS_OVER_VOLTAGE", SUPPLY),
-    0x200: ("DC_BUS_UNDER_VOLTAGE", SUPPLY),
-    0x400: ("DC_BUS_OVER_CURRENT", our.OVER_CURRENT),
-    0x800: ("DC_BUS_OVER_REGEN_CURRENT", our.OVER_CURRENT),
-    0x1000: ("CURRENT_LIMIT_VIOLATION", our.OVER_CURRENT),
-    0x2000: ("MOTOR_OVER_TEMP", our.OVER_TEMPERATURE),
-    0x4000: ("INVERTER_OVER_TEMP", our.OVER_TEMPERATURE),
-    0x8000: ("VELOCITY_LIMIT_VIOLATION", our.OVER_SPEED),
-    0x10000: ("POSITION_LIMIT_VIOLATION", INTERNAL),
-    0x1000000: ("WATCHDOG_TIMER_EXPIRED", our.TIME_TO_LIVE),
-    0x2000000: ("ESTOP_REQUESTED", INTERNAL),
-    0x4000000: ("SPINOUT_DETECTED", SENSOR),
-    0x8000000: ("BRAKE_RESISTOR_DISARMED", SUPPLY),
-    0x10000000: ("THERMISTOR_DISCONNECTED", SENSOR),
-    0x40000000: ("CALIBRATION_ERROR", SENSOR),
-}
+ERRORS: Final = faults_of(CODES["odrive"]["errors"])
 """The bits of an axis error: name, and the catalogue's code of the fault."""
 
 
@@ -141,13 +85,10 @@ FREE_NODES: Final = tuple(n for n in range(BROADCAST) if n not in _TAKEN)
 
 
 def _endpoints(raw: object) -> object:
-    """`[odrive.endpoints]`: path and id of each."""
     if not isinstance(raw, Mapping):
         return raw
     for path, number in raw.items():
-        if path not in READ_BACK:
-            known = list(READ_BACK)
-            raise ValueError(f"must have keys among {', '.join(known)}; got {path!r}; {nearest(str(path), known)}")
+        check_known([path], READ_BACK, "must have keys among")
         if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= 65535:
             raise ValueError(f"{path} must be an integer in [1, 65535]; got {number!r}")
     return tuple(raw.items())

@@ -49,7 +49,6 @@ def set_up(bus: can.BusABC, table: OdriveTable, limits: Limits, tick_s: float, *
 
 
 def _stops(table: OdriveTable, ask: "_Questions") -> None:
-    """Check that its watchdog is on and short enough."""
     firmware = ask.firmware()
     words = f"have the firmware {table.firmware} of odrive.firmware, whose endpoint ids are stated; got {firmware}"
     table.must(firmware == table.firmware, words)
@@ -68,7 +67,6 @@ def _stops(table: OdriveTable, ask: "_Questions") -> None:
 
 
 def _idles(table: OdriveTable, heard: "_Heard", faulty: bool) -> None:
-    """Check that its axis is idle and, unless `faulty`, has no error."""
     doing = wire.AXIS_STATES.get(heard.axis, f"axis state {heard.axis}")
     table.must(heard.axis == wire.IDLE, f"be idle before the run; got {doing}")
     busy = heard.result == wire.BUSY
@@ -92,7 +90,6 @@ def _rests_where_known(heard: "_Heard", table: OdriveTable, limits: Limits) -> N
 
 
 def _is_zero(table: OdriveTable, ask: "_Questions") -> None:
-    """Set the present position to zero, and wait until the encoder shows it."""
     ask.tell(wire.SET_ABSOLUTE_POSITION, 0.0)
     end, position = time.monotonic() + min(table.answers_s, 1.0), math.inf
     while time.monotonic() < end and not abs(position) <= _ZERO_M:
@@ -114,8 +111,6 @@ class _Heard:
 
 
 class _Questions(Questions):
-    """Questions in CANSimple."""
-
     def __init__(self, bus: can.BusABC, table: OdriveTable) -> None:
         super().__init__(bus, table, self._from)
         self._id = table.node_id
@@ -134,8 +129,6 @@ class _Questions(Questions):
         return ".".join(map(str, data[4:7]))
 
     def endpoint(self, number: int, kind: str) -> float:
-        """The value of an endpoint, read over SDO."""
-
         def fits(data: bytes) -> bool:
             values = wire.TX_SDO.read(data)
             return values is not None and values[1] == number and len(data) >= 4 + struct.calcsize(kind)
@@ -151,7 +144,6 @@ class _Questions(Questions):
         return bytes(found.data)
 
     def cycles(self, seconds: float) -> _Heard:
-        """The cyclic frames received within `seconds`."""
         found = _Heard()
         for message in self.heard(seconds):
             command, data = message.arbitration_id & 0x1F, bytes(message.data)

@@ -2,18 +2,27 @@
 
 import time
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, ClassVar, Final, Literal
 
 import can
 from pydantic import AfterValidator, Field
 
 from hil.bus.wrapping import heard_for, waiting
+from hil.nodes.frame_map import frames
+from models.files.toml import beside
 from models.rigs.schema import NamedTable, key
 
+CODES: Final = beside(__file__, "codes.toml")
 NODE: Final = "node of the carriage's drive, clear of the catalogue's identifiers"
 TURNS: Final = (1.0, 1e5)  # least and most turns per metre
 RESTS_M_S: Final = 5e-3  # measured speed below which a disabled drive is at rest: its encoder's noise stays below
+
+
+def faults_of(codes: Mapping[str, list[str]]) -> dict[int, tuple[str, int]]:
+    """A maker's faults by number: name, and the catalogue's code."""
+    known = frames()["CarriageFault"].field("Code")
+    return {int(code, 0): (words, known.number(fault)) for code, (words, fault) in codes.items()}
 
 
 class ActuatorTable(NamedTable):
@@ -25,7 +34,6 @@ class ActuatorTable(NamedTable):
 
     @property
     def node(self) -> str:
-        """The name of the drive in sentences."""
         return f"{self.where}: node {self.node_id}"
 
     def must(self, fine: object, words: str, part: str = "") -> None:

@@ -52,7 +52,7 @@ def _channels(name: str, value: Any, depth: int = 0) -> Iterator[Channel]:
 
 
 def _simulink(name: str, logged: Mapping[str, Any]) -> Iterator[Channel]:
-    """The signals of a structure with time, named by their labels."""
+    """The signals of a structure, which may have no time, named by their labels."""
     time_s = np.ravel(np.asarray(logged["time"], dtype=float))
     signals = logged["signals"]
     for number, signal in enumerate(np.ravel(np.asarray(signals, dtype=object))):
@@ -60,7 +60,9 @@ def _simulink(name: str, logged: Mapping[str, Any]) -> Iterator[Channel]:
         label = str(signal.get("label", "")) if np.size(signal.get("label", "")) else ""
         label = label or f"{name}.signals({number + 1})"
         for place, column in _vectors(label, values):
-            if len(column) == len(time_s) > 1:
+            if not time_s.size:
+                yield Channel(Heading(place, group=name), column)
+            elif len(column) == len(time_s) > 1:
                 yield Channel(Heading(place, group=name, clocked=True), column, time_s)
 
 

@@ -75,13 +75,16 @@ def _group(file: Any, number: int) -> str:
 
 
 def _channel(file: Any, heading: Heading, group: int, index: int) -> Channel | None:
-    """A channel, as raw numbers if a conversion makes them text; None for arrays."""
-    signal = file.get(group=group, index=index)
+    """A channel, NaN where marked invalid, as raw numbers if a conversion makes them text; None for arrays."""
+    signal = file.get(group=group, index=index, ignore_invalidation_bits=True)
     if signal.samples.dtype.kind in _TEXT:
-        signal = file.get(group=group, index=index, raw=True)
+        signal = file.get(group=group, index=index, raw=True, ignore_invalidation_bits=True)
     if signal.samples.dtype.kind in _TEXT or signal.samples.ndim != 1:
         return None
-    return Channel(heading, numbers(signal.samples), np.asarray(signal.timestamps, dtype=float))
+    values, invalid = numbers(signal.samples), signal.invalidation_bits
+    if invalid is not None:
+        values = np.where(np.asarray(invalid, dtype=bool), np.nan, values)
+    return Channel(heading, values, np.asarray(signal.timestamps, dtype=float))
 
 
 def write(path: Path, channels: Sequence[Channel]) -> None:

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from subprocess import run
+from subprocess import TimeoutExpired, run
 from typing import Any, Final, NamedTuple
 
 import can
@@ -133,6 +133,6 @@ def code_version() -> str:
 def _git(*words: str) -> str:
     try:
         done = run(["git", *words], cwd=Path(__file__).parent, capture_output=True, text=True, timeout=_GIT_S)
-    except (OSError, TimeoutError, ValueError):
+    except (OSError, TimeoutExpired, ValueError):
         return ""
     return done.stdout.strip() if done.returncode == 0 else ""

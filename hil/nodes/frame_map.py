@@ -14,8 +14,7 @@ from controller.drives import CARRIAGE, COIL, INNER_MASS, Driven
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from models.parameter import nearest
 
-Observer = Callable[[can.Message], object]
-"""Gets every frame of a node, with its timestamp."""
+Observer = Callable[[can.Message], object]  # Gets every frame of a node, with its timestamp
 OFF, READY, ENABLE, QUICK_STOP = range(4)  # modes of a command
 BOOT, SELF_TEST, STANDBY, WAITING, ENABLED, DERATED, STOPPING, FAULT = range(8)
 """States of a drive, in the numbers of its feedback; `WAITING` is "ready", `STOPPING` "quick_stop"."""
@@ -64,7 +63,6 @@ class FrameMap:
             object.__setattr__(self, part.lower(), self.node + part)
 
     def state_name(self, state: int) -> str:
-        """The catalogue's name of a state of the drive."""
         return frames()[self.feedback].field("State").names[state]
 
     def life_ms(self, rate: float) -> int:

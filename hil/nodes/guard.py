@@ -61,7 +61,6 @@ class Fence:
         return cls(*basis, stop_s=limits.age_s, first_share=first, growth=growth)
 
     def after(self, since_s: float) -> Fence:
-        """The limits `since_s` s after the drive was enabled."""
         share = self.first_share + self.growth * max(since_s, 0.0)
         if share >= 1.0:
             return self
@@ -170,7 +169,6 @@ class Guard:
         return out
 
     def send(self, name: str, values: Mapping[str, float], now: float) -> bool:
-        """Send one of the allowed frames; whether it was sent."""
         try:
             message = self._senders[name].message(values, now)
         except (KeyError, ValueError):

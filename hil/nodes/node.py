@@ -51,8 +51,7 @@ class Shifted:
 
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4  # states of the node, in the numbers of its heartbeat
 HEARTBEAT_S: Final = 0.02  # period
-_LAG_S: Final = 8e-3
-"""Tolerated lag of a drive's report behind its command; `Driven.follow` applies beyond it."""
+_LAG_S: Final = 8e-3  # Tolerated lag of a drive's report behind its command; `Driven.follow` applies beyond it
 _RESTS_M_S: Final = 1e-4  # maximum speed of a reference at rest
 _REST_S: Final = 0.05  # A reference rests where it is this slow for so long before and after
 OTHER_CONTROLLER: Final = 9  # `Reason` of a SafeStop
@@ -151,7 +150,6 @@ class ControllerNode:
         return view.sampled(self._reference, at_s)[0]
 
     def _begin_reference(self, origin_s: float, position_m: float | None = None) -> None:
-        """Begin the task's reference at its own position, or at `position_m`."""
         shift_m = 0.0 if position_m is None else position_m - view.sampled(self.task.reference, 0.0)[0]
         self._reference = Shifted(self.task.reference, origin_s, shift_m)
         self.estimator.begin(origin_s)
@@ -225,7 +223,6 @@ class ControllerNode:
         return due
 
     def _show(self, now: float, estimate: Estimate) -> None:
-        """Send estimate and reference every `VIEW_S`, for display."""
         self._surprise = estimate.surprise if math.isfinite(estimate.surprise) else self._surprise
         if not self._due("BelievedMotion", view.VIEW_S, now):
             return
@@ -272,7 +269,6 @@ class ControllerNode:
         return -1
 
     def _position(self, estimate: Estimate) -> float:
-        """The estimated position of the capsule in m."""
         return float(estimate.state[self._x])
 
     @property
@@ -281,9 +277,7 @@ class ControllerNode:
         return self.guard.sent.value if self.guard.sent.mode == wire.ENABLE else self.receiver.report
 
     def _stop_all(self, now: float) -> None:
-        """Send a SafeStop: to all drives beside another controller, to the own one while it moves by itself or an
-        operator stops it.
-        """
+        """SafeStop: to all drives beside another controller, to the own one if restless or stopped by an operator."""
         crowded = self.state == FAULTY and 0 <= now - self.receiver.foreign_at < _CROWDED_S
         stopped = self.state == FAULTY and 0 <= now - self.receiver.stopped_at < _CROWDED_S
         restless = bool(self.answer.unrest) and self.state != IDLE

@@ -10,15 +10,13 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver
 from hil.nodes.frame_map import frames
 from hil.nodes.view import sampled, within
-from models.parameter import nearest
+from models.files.toml import check_known
 from models.rigs.schema import NamedTable, Words, key
 
-FILLED: Final = 16
-"""Frames that wait after any pause, however small the bus's queue; a tick on time finds a few."""
+FILLED: Final = 16  # Frames that wait after any pause, however small the bus's queue; a tick on time finds a few
 
 
 def paused(gap_s: float) -> str:
-    """The reason of a stop for a controller that did nothing for `gap_s`."""
     return f"controller paused for {gap_s:.2g} s"
 
 
@@ -57,10 +55,8 @@ STATUS: Final = "OperatorStatus"
 STATUS_S: Final = 0.05  # period
 AHEAD_M: Final = 2e-3  # largest distance of a stopped reference from the estimated position
 _REPORTED_S: Final = 0.2  # for which a refusal is reported
-RELEASED_S: Final = 0.05
-"""A pressed switch counts again after a release that lasted this long."""
-_UNREADABLE: Final = ("length", "crc")
-"""Refusals of a frame of which nothing is used, not even its dead-man switch."""
+RELEASED_S: Final = 0.05  # A pressed switch counts again after a release that lasted this long
+_UNREADABLE: Final = ("length", "crc")  # Refusals of a frame of which nothing is used, not even its dead-man switch
 NOBODY: Final = 0  # `Source` without an operator
 OFF, READY, MOVING, HELD, STOPPED = range(5)  # states of OperatorStatus
 _REACH_M, _FASTEST_M_S = 1.1, 0.4  # ranges in the frame
@@ -91,11 +87,8 @@ class OperatorLimits(NamedTable):
 
     def check_sources(self) -> None:
         """Raises ValueError for an unknown source, with the nearest name."""
-        known = list(frames()[SETPOINT].field("Source").names.values())
-        for name in self.sources:
-            if name not in known:
-                hint = nearest(name, known)
-                raise ValueError(f"operator.sources must be among {', '.join(known)}; got {name!r}; {hint}")
+        known = frames()[SETPOINT].field("Source").names.values()
+        check_known(self.sources, known, "operator.sources must be among")
 
 
 class Operator:
@@ -181,7 +174,6 @@ class Operator:
             self._wanted = (int(values["Mode"]), values["Position_m"], values["Velocity_m_s"])
 
     def expire(self, now: float) -> None:
-        """End the charge of a source whose setpoint has expired."""
         if self.source != NOBODY and not now <= self._dies_at:
             self.expired += 1
             self._let_go(now)
@@ -231,7 +223,6 @@ class Operator:
         }
 
     def document(self) -> dict[str, object]:
-        """Counts of setpoints for the document of a run."""
         accepted = sum(receiver.accepted for receiver in self._receivers.values())
         refused = {"accepted": accepted, "refused": dict(self.refused)}
         return {"presses": self.presses, "expired": self.expired, "limited": self.limited, **refused}

@@ -51,7 +51,6 @@ def steering_words(answer: OperatorAnswer | None, led: bool, source: str) -> str
 
 
 def refusal_words(reason: str, source: str) -> str:
-    """Why setpoints are refused, and what helps; `source` is in charge."""
     return TEXT(f"refused.{reason}", source="another sender" if source == _NOBODY else source)
 
 
@@ -101,7 +100,6 @@ class OperatorSender:
         self._say("position", position_m, speed_m_s, pressed=True)
 
     def steer(self, mode: str, value: float) -> None:
-        """Do a step of a script: "speed", "position" or "release"."""
         if mode == "release":
             self.release()
         else:

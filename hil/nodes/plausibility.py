@@ -72,7 +72,6 @@ class Plausibility:
             self._least, self._most = math.inf, -math.inf
 
     def wanted(self, position_m: float) -> None:
-        """The reference is at `position_m` while the drive is enabled."""
         self._least, self._most = min(self._least, position_m), max(self._most, position_m)
 
     def tick(self, command: float, reports: Sequence[float]) -> None:
@@ -129,7 +128,6 @@ class Onlooker:
 
     @property
     def words(self) -> str:
-        """The jumps in words, "" without any."""
         if not self.jumps:
             return ""
         last = f"the last of {1e3 * self.jump_m:+.1f} mm"
@@ -173,9 +171,7 @@ class Onlooker:
         return reason
 
     def believe(self, now: float, position_m: float, followed: int, seen: Sequence[Measurement]) -> None:
-        """The estimate is `position_m` after the readings `seen`; the estimator has accepted refused readings
-        `followed` times.
-        """
+        """The estimate after the readings `seen`; `followed` counts accepted refused readings."""
         self._readings.extend(m.value for m in seen if m.channel == "position_m" and math.isfinite(m.value))
         step_m = position_m - self._believed_m
         self._believed_m = position_m

@@ -15,6 +15,7 @@ from hil.bus.wrapping import plain, waiting
 from hil.nodes.frame_map import BOOT, FrameMap, Observer, controllers_frames, frames
 from hil.nodes.guard import Evidence
 from hil.nodes.operator import SETPOINT, Operator
+from models.files.toml import beside
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -44,7 +45,6 @@ class Twins:
         self._up_s, self.heard_at = up_s, stamp
 
     def two(self, now: float) -> bool:
-        """Whether two nodes have sent it recently."""
         return len(self._backs) == BACKS and now - self._backs[0] <= WITHIN_S
 
 
@@ -56,8 +56,17 @@ SAFE_STOP: Final = "safe stop by an operator"
 BY_OPERATOR: Final = 0  # `Reason` of an operator's SafeStop
 
 
+REASONS: Final[dict[str, list[str]]] = beside(__file__, "remedies.toml")
+"""By the key of its sentence, what a reason has in it; the first that fits counts."""
+
+
+def remedy(ended: str) -> str:
+    fits = (key for key, parts in REASONS.items() if any(part in ended for part in parts))
+    key = next(fits, "")
+    return TEXT(f"remedy.{key}") if key else ""
+
+
 def refusal_cause(reason: str) -> str:
-    """Why frames are refused for this reason of the protection, and what helps."""
     return TEXT(f"frame.{reason}")
 
 
@@ -165,12 +174,10 @@ class FrameReceiver:
 
     @property
     def error_words(self) -> str:
-        """The count of error frames and their usual causes, "" without any."""
         return f", {self.errors} error frames: bit rate, wiring, termination" if self.errors else ""
 
     @property
     def other_controller(self) -> str:
-        """That another controller sends on the bus, and which frames; "" without any."""
         return f"another controller is on the bus ({', '.join(sorted(self.foreign))})" if self.foreign else ""
 
     @property
@@ -189,11 +196,9 @@ class FrameReceiver:
         return ", ".join(words) + "".join(f": {refusal_cause(reason)}" for reason, _ in causes.most_common(1))
 
     def evidence(self, now: float) -> Evidence:
-        """Ages of localisation and feedback at `now`, and the drive's state."""
         return Evidence(now - self._place_at, now - self._fed_at, self.state)
 
     def doubt(self, now: float) -> str:
-        """Why the drive is not trusted any more, "" if it is."""
         if twins := self.twins(now):
             return twins
         if self._other:

@@ -58,7 +58,6 @@ def _wall(model: ControlModel, estimate: Estimate) -> int:
 
 
 def sampled(reference: Reference, time_s: float) -> tuple[float, float]:
-    """Position in m and speed in m/s of a reference at a time of its clock."""
     at = np.array([time_s])
     return float(reference.position(at)[0]), float(reference.speed(at)[0])
 

@@ -64,7 +64,6 @@ class Cia402Drive(MakersDrive):
             self.network.notify(message.arbitration_id, bytearray(message.data), message.timestamp)
 
     def _run(self) -> None:
-        """Homing and SDO-visible state; the reports are sent with each SYNC."""
         if self.node.nmt.state == "OPERATIONAL" and not self._mapped:
             self._map()
         before = self._word
@@ -109,7 +108,6 @@ class Cia402Drive(MakersDrive):
         return word | (0 if self.ignores else p402.FOLLOWS) | (p402.DEVIATES if deviates else 0)
 
     def _written(self, *, index: int, subindex: int, od: Any, data: bytes) -> None:
-        """Refuse an SDO write that is not permitted; take over a mode."""
         if index == 0x6060:
             mode = int.from_bytes(data, "little", signed=True)
             if not (mode > 0 and self._held(0x6502) & 1 << (mode - 1)):
@@ -137,7 +135,6 @@ class Cia402Drive(MakersDrive):
             self.zero_m, self.homing = self.power.output + left, HOMED
 
     def _map(self) -> None:
-        """Apply the mapping of process data."""
         self._mapped = True
         for pdo in (self.node.rpdo[1], self.node.tpdo[1], self.node.tpdo[2]):
             pdo.read()
@@ -155,7 +152,6 @@ class Cia402Drive(MakersDrive):
         self._heard_at = stamp
 
     def _synchronised(self, *_: Any) -> None:
-        """SYNC: apply the newest command, then send the reports."""
         if math.isfinite(self.good_at):
             before, self._word = self._word, int(self.node.rpdo[1][0x6040].raw)
             self._go(self._word, before)

@@ -36,7 +36,6 @@ class PolledNetwork(canopen.Network):  # type: ignore[misc]
         return self._beats[-1]
 
     def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
-        """Send a frame; a failure is ignored."""
         with contextlib.suppress(can.CanError, OSError):
             super().send_message(can_id, data, remote)
 
@@ -47,8 +46,6 @@ class PolledNetwork(canopen.Network):  # type: ignore[misc]
 
 
 class _Beat:
-    """A periodic frame."""
-
     def __init__(self, network: canopen.Network, identifier: int, data: bytes, period_s: float) -> None:
         self._network, self._identifier, self._data, self._period_s = network, identifier, data, period_s
         self._at, self.alive = -math.inf, True

@@ -111,7 +111,6 @@ class DriveNode:
         self.deaf += 1
 
     def _hear(self, now: float) -> bool:
-        """Process the received frames; whether SYNC was among them."""
         synced = False
         for message in waiting(self.bus, MOST, self._deafened):
             if not plain(message):
@@ -135,7 +134,6 @@ class DriveNode:
         return synced
 
     def _follow(self, values: dict[str, float], stamp: float, begin: float) -> None:
-        """Accept a command received at `stamp`, of the tick that began at `begin`."""
         dies_at = min(stamp, begin + self.tick_s) + 1e-3 * values["TimeToLive_ms"]
         if dies_at <= stamp:
             self.stale += 1

@@ -67,8 +67,6 @@ UNPACKED: Final = 1 << 30  # maximum bytes of an unpacked FMU
 
 @dataclass(frozen=True)
 class FmuFile:
-    """The description of an FMU, and the value references of command and outputs."""
-
     description: Any
     command: int
     outputs: Mapping[int, int]

@@ -143,7 +143,6 @@ def _holding(message: can.Message, data: bytes | bytearray) -> can.Message:
 
 
 def _rewritten(message: can.Message, change: Callable[[int], int]) -> can.Message:
-    """A setpoint with changed bits and a CRC that fits."""
     data = bytearray(change(int.from_bytes(message.data[:PAYLOAD], "little")).to_bytes(PAYLOAD, "little"))
     data[0] = crc8(memoryview(data)[1:], frames()[SETPOINT].data_id)
     return _holding(message, data + message.data[PAYLOAD:])

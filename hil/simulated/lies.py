@@ -33,16 +33,13 @@ class Lie:
 
     @property
     def noise(self) -> float:
-        """One draw of the sensor's own noise."""
         return self._rng.gauss(0.0, self._std)
 
     def _drift(self, since_s: float, value: float) -> float:
-        """An error that grows at a constant rate, at most to the fault's size."""
         most = math.inf if math.isnan(self.fault.size_m) else self.fault.size_m
         return value + min(max(self.fault.amount * since_s, -most), most)
 
     def _foreign(self, since_s: float, value: float) -> float:
-        """Three slow sines that begin at the true value."""
         waves = zip(_FOREIGN_S, self._phases, strict=True)
         change = sum(math.sin(2 * math.pi * since_s / period_s + p) - math.sin(p) for period_s, p in waves)
         return self.first + self.fault.amount * change / len(_FOREIGN_S) + self.noise
@@ -107,7 +104,6 @@ class LyingDrive:
         self._drive, self._at, self._shift = drive, at, 0.0
 
     def __call__(self, time_s: float, dt: float, command: float) -> float:
-        """The plant's true command for the next `dt` s in place of `command`."""
         if isinstance(self._drive, TrueCoil):
             ohm, henry = self._drive.resistance_ohm, self._drive.inductance_H
             share = -math.expm1(-dt * ohm / henry) if henry > 0 else 1.0
@@ -123,12 +119,9 @@ class LyingDrive:
         return self._at
 
     def end(self) -> None:
-        """End the fault: it follows its command again, a carriage from its true position."""
         self._lie = None
 
 
 def zero_of(drive: TrueDrive) -> float:
-    """The value about which a drive's command is reversed or scaled: 0 for current and level; nan (its position) for a
-    carriage.
-    """
+    """About what a drive's command is reversed or scaled: 0 for current and level; nan, its place, for a carriage."""
     return math.nan if drive.straight else 0.0

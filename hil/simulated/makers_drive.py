@@ -33,7 +33,6 @@ class MakersDrive(ABC):
         self.boot(0.0)
 
     def boot(self, now: float) -> None:
-        """Restart, as after a loss of supply."""
         self.good_at, self.zero_m = -math.inf, 0.0
         self._now = self._since = self._began = now
 
@@ -55,18 +54,15 @@ class MakersDrive(ABC):
 
     @property
     def too_hot(self) -> bool:
-        """Whether that is a fault."""
         return self.temperature_C > self.limits.temperature_C
 
     @property
     def shown_m(self) -> float:
-        """The position that its encoder shows."""
         position = self.power.output - self.zero_m
         return position if self.misread is None else self.misread(position)
 
     @property
     def stage(self) -> Stage:
-        """State and fault in the catalogue's numbers."""
         state, fault = self._stands()
         return Stage(state, self._since, fault)
 
@@ -75,7 +71,6 @@ class MakersDrive(ABC):
         """State and fault of `stage`."""
 
     def listen(self, now: float, slots: int) -> None:
-        """One run of the firmware: receive, judge, report."""
         self._now = now
         for message in waiting(self.bus, MOST):
             self._hear(message)
@@ -98,7 +93,6 @@ class MakersDrive(ABC):
             self.state, self._since = state, self._now
 
     def send(self, message: can.Message) -> None:
-        """Send a frame; one that the bus does not take is counted."""
         try:
             self.bus.send(message, 0)
         except (can.CanError, OSError):

@@ -73,7 +73,6 @@ class Medium:
 
     @property
     def load(self) -> float:
-        """Share of the time so far that the bus was not idle."""
         return self.busy_bits / max(self._now, self._free, 1)
 
     def advance(self, until_s: float) -> None:

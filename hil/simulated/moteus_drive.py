@@ -32,7 +32,6 @@ class MotorPath:
     _rate: float = 0.0
 
     def begin(self, position: float, rate: float) -> None:
-        """Begin at the measured position and rate."""
         self.position, self.rate, self._target, self._rate = position, rate, math.nan, 0.0
 
     def command(self, position: float, rate: float, speed: float, acceleration: float) -> None:
@@ -140,12 +139,10 @@ class MoteusDrive(MakersDrive):
         self._commanded = False
 
     def configure(self, time_to_live_ms: int) -> None:
-        """As after `set_up`."""
         self.prefix = wire.SESSION
 
     @property
     def watchdog_s(self) -> float:
-        """The watchdog of the current command."""
         return self.registers[wire.WATCHDOG_TIMEOUT]
 
     @watchdog_s.setter
@@ -208,7 +205,6 @@ class MoteusDrive(MakersDrive):
             self.send(fd_frame(number, wire.padded(self._reply[:_LONGEST])))
 
     def _done(self, part: Part) -> bool:
-        """Process a subframe; whether the next one is read."""
         if part.kind == wire.STREAM_TO_SERVO:
             self._line(part.text)
         elif part.kind == wire.STREAM_POLL:
@@ -225,7 +221,6 @@ class MoteusDrive(MakersDrive):
         return True
 
     def _write(self, part: Part) -> None:
-        """Write registers; the reply reports those that cannot be written."""
         for number, value in enumerate(part.values, part.first):
             if number == wire.MODE and 0 <= value <= wire.BRAKE:
                 self.registers, self._commanded = dict(_COMMAND) | {wire.MODE: value}, True
@@ -262,7 +257,6 @@ class MoteusDrive(MakersDrive):
                 self._aim()
 
     def _aim(self) -> None:
-        """Begin the trajectory of the current command."""
         speed = self._limit(wire.VELOCITY_LIMIT, "servo.default_velocity_limit")
         acceleration = self._limit(wire.ACCELERATION_LIMIT, "servo.default_accel_limit")
         if not (math.isnan(speed) and math.isnan(acceleration)):

@@ -87,7 +87,6 @@ class OdriveDrive(MakersDrive):
         return self.power.step(dt, float(self.led), sensed)
 
     def _judge(self) -> None:
-        """Set the present errors; they disarm an armed axis."""
         wrong = (INITIALIZING if self.state == UNDEFINED else 0) | (ESTOP if self._stopped else 0)
         wrong |= (MISSING_ESTIMATE if self.broken else 0) | (INVERTER_OVER_TEMP if self.too_hot else 0)
         if self.led and self.watchdog_on and self._now - self.fed_at > self.watchdog_s:
@@ -98,7 +97,6 @@ class OdriveDrive(MakersDrive):
             self._become(IDLE)
 
     def _take(self, command: int, data: bytes) -> None:
-        """Process a frame for this node; a short one is refused."""
         frame = _TAKEN.get(command)
         values = () if frame is None else frame.read(data)
         if values is None:
@@ -120,7 +118,6 @@ class OdriveDrive(MakersDrive):
             self.disarmed_by, self._stopped = 0, False
 
     def _set(self, frame: Command, *values: float) -> None:
-        """Set axis state, modes, setpoint, limits or zero; or send an endpoint's value."""
         scale = self.table.turns_per_m
         if frame is wire.RX_SDO:
             self._read(int(values[0]), int(values[1]))
@@ -138,7 +135,6 @@ class OdriveDrive(MakersDrive):
                 self._target_m, self._ahead_m_s = self.zero_m + values[0] / scale, values[1] / wire.VEL_FF_SCALE / scale
 
     def _request(self, wanted: int) -> None:
-        """Set_Axis_State; a refusal is shown by the result."""
         self.fed_at = self._now
         if wanted == IDLE:
             self._become(IDLE)
@@ -148,7 +144,6 @@ class OdriveDrive(MakersDrive):
             self._begin(wanted)
 
     def _begin(self, wanted: int) -> None:
-        """Begin a state in which the motor has a current."""
         self.result = wire.DISARMED if self.errors else wire.SUCCESS
         if wanted == CLOSED_LOOP and not self.calibrated:
             self.result = wire.NOT_CALIBRATED

@@ -86,7 +86,6 @@ class PlantNode:
         self._readings: list[Reading] = []
 
     def tick(self, now: float) -> None:
-        """Advance from `now` by a slot."""
         self._now = now
         if isinstance(self.drive.power, CoilPower):
             self.drive.power.output = self._sensed()
@@ -104,11 +103,9 @@ class PlantNode:
 
     @property
     def reported(self) -> list[tuple[float, float]]:
-        """Time in s and value of every reading that a faulty localiser has sent."""
         return [*self._reported, *(one for localiser in self._localisers.values() for one in localiser.reported)]
 
     def spoil(self, fault: Fault, seed: int = 0) -> None:
-        """Begin `fault`: a broken sensor, or a localiser, report or drive that lies."""
         plant, seen = self.session.plant, self.session.instruments.localisation
         if fault.kind == "restless":
             self.drive.power.stray = fault.amount
@@ -121,7 +118,6 @@ class PlantNode:
             self._localisers[id(fault)] = LyingLocaliser(fault, seen, seed, self._position)
 
     def mend(self, fault: Fault) -> None:
-        """End `fault`."""
         if fault.kind == "restless":
             self.drive.power.stray = 0.0
         elif fault.target == DRIVE and self._lie is not None:
@@ -132,7 +128,6 @@ class PlantNode:
             self._reported += self._localisers.pop(id(fault)).reported
 
     def _position(self) -> float:
-        """The true position of the carriage or the inner mass in m."""
         return float(self.session.newest[at.O_DRIVE if self.session.plant.rig.drive.straight else at.O_INNER_X])
 
     def _seen(self, now: float) -> list[Reading]:
@@ -142,7 +137,6 @@ class PlantNode:
         return readings
 
     def _sensed(self) -> float:
-        """The measurement of the drive's own sensor for its power stage."""
         if isinstance(self.drive.power, CoilPower):
             return float(self.session.plant.state[at.S_CURRENT]) if self._lie is None else self._lie.current_A
         if isinstance(self.drive.power, InnerMassPower):
@@ -151,8 +145,6 @@ class PlantNode:
 
 
 class _Sensor:
-    """A sensor on the bus: its measurements and its heartbeat."""
-
     def __init__(self, bus: can.BusABC, name: str, beat: str) -> None:
         self._transmitter = FrameTransmitter(bus, (name, beat))
         self._name, self._beat, self._cycle_s = name, beat, frames()[name].cycle_s
@@ -165,7 +157,6 @@ class _Sensor:
         self._transmitter.say(self._name, signals | {"Valid": float(good)})
 
     def beat(self, now: float) -> None:
-        """Send the heartbeat if it is due."""
         if now - self._beat_at >= 0.02 - 0.5 * SLOT_S:
             self._beat_at = now
             self._transmitter.say(self._beat, heartbeat(2, now))
@@ -188,8 +179,6 @@ class _Localiser(_Sensor):
 
 
 class _ForceSensor(_Sensor):
-    """The force between rig and capsule, with white noise."""
-
     def __init__(self, bus: can.BusABC, seed: int) -> None:
         super().__init__(bus, "ForceReading", "ForceSensorHeartbeat")
         self._rng, self._said_at = np.random.default_rng(seed), -math.inf

@@ -94,7 +94,6 @@ class CoilPower(Power):
 
     @property
     def setpoint(self) -> float:
-        """The present setpoint in A, between the last and the newest one."""
         done = 1 - self._left_s / self._over_s if self._over_s > 0 else 1.0
         return self._begin + done * (self._target - self._begin)
 

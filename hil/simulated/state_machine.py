@@ -78,8 +78,7 @@ def _next_state(stage: Stage, facts: DriveFacts, now: float) -> int:
     return wire.DERATED if facts.hot else wire.ENABLED
 
 
-DRIFT: Final = 5e-4
-"""Relative drift allowed between two clocks; a delay that grows more slowly looks like drift."""
+DRIFT: Final = 5e-4  # Relative drift allowed between two clocks; a delay that grows more slowly looks like drift
 SILENCE_S: Final = 0.06  # without SYNC, after which the next one may be another controller's
 
 
@@ -98,7 +97,6 @@ class SyncClock:
         self._tick, self._counter, self._period_s = -1, 0, 0.0
 
     def sync(self, counter: int, tick: int, period_s: float, stamp: float) -> bool:
-        """Process SYNC number `tick`, received at `stamp`; whether it is accepted."""
         if not 0 <= stamp - self._stamp <= SILENCE_S:
             self._offset = math.inf
         elif tick <= self._tick or abs(stamp - self._offset - tick * period_s) > SILENCE_S:

@@ -124,6 +124,8 @@ class Stepper:
         if imposed:
             v_now = (command - now["x"]) / h
         middle = command - 0.5 * h * rate
+        if self.drive.launched:  # a lag changes it within the step also where the command does not
+            middle = 0.5 * (self.active.command(replace(s, command=c0)) + command)
         push = Push(0.0) if imposed else self.push(now, replace(s, v=v_now), middle, h)
         rest = _REST_IMPOSED if imposed else _REST
         facing = now["direction"]  # of a resting body's friction: the last motion's in a wall, else the push's
@@ -134,6 +136,8 @@ class Stepper:
         s = replace(s, drag_rate=drag_rate(drag, v_now, grip.recovery))
         T, F_v = self.wall_forces(s, drag, T_quiet)
         outside = self.active.total("force", s)
+        if self.drive.launched:  # the mean over the step, of a load on a spring
+            outside = 0.5 * (outside + active_next.total("force", s))
         if imposed:
             x_next, v_next, own = command, v_now, dict[Name, Any]()
             dragged = self.drag(s, drag, v_next, h, grip)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.checks.estimators import Array, grid_step, running_mean, runs_of, white_noise
-from models.checks.finding import Findings
+from models.checks.finding import Findings, RecordFinding
 from models.checks.sensor import fresh, silent
 from models.checks.settings import SET
 from models.checks.view import View
@@ -23,18 +23,33 @@ def jumps(view: View) -> NDArray[np.int64]:
         return _NONE
     interval = view.dt / float(np.mean(fresh(view)))
     least = max(SET.jump_noises * view.noise, SET.jump_force_N / view.rig.capsule.mass_kg * interval**2)
-    rows = _within(view, _steps(view.y, least))
+    rows = _within(view, np.array([row for row, _ in _steps(view.y, least)], dtype=np.int64))
     return rows[~silent(view)[rows - 2]]  # where a sensor comes back, its position differs
 
 
-def slips(view: View, name: str) -> NDArray[np.int64]:
-    """Rows (k,) before which a place `name` of a machine jumps, far beyond its usual steps, and stays."""
+def slips(view: View, name: str) -> list[tuple[int, int]]:
+    """First and last rows before which a place `name` of a machine jumps, far beyond its usual steps, and stays; not
+    where it stood still until then, as a lost signal does.
+    """
+    return [(first, last) for first, last in _leaps(view, name) if not _held(view.record[name], first)]
+
+
+def _leaps(view: View, name: str) -> list[tuple[int, int]]:
     size = np.abs(np.diff(view.record[name]))
     if name not in POSITIONS or not len(size) or not size.any() or len(wraps(view.record[name])):
-        return _NONE
-    usual = float(np.quantile(size, 1 - SET.jump_most / max(len(size), SET.jump_most + 1)))
+        return []
+    usual = float(
+        np.quantile(size, 1 - SET.jump_most * SET.jump_long / max(len(size), SET.jump_most * SET.jump_long + 1))
+    )
     least = max(SET.jump_far * usual, SET.jump_noises * white_noise(view.record[name]))
-    return _within(view, _steps(view.record[name], least))
+    found = _steps(view.record[name], least, SET.jump_long)
+    return [one for one in found if len(_within(view, np.arange(one[0], one[1] + 1))) == one[1] + 1 - one[0]]
+
+
+def _held(values: Array, row: int) -> bool:
+    """Whether `values`, which seldom repeat, repeat until the `row`."""
+    same = np.diff(values) == 0
+    return bool(same[row - SET.beside : row - 1].all() and np.mean(same) < SET.coarse_equal)
 
 
 def _within(view: View, rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -42,17 +57,20 @@ def _within(view: View, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     return rows[np.diff(view.t)[rows - 1] < SET.stamps_near * view.dt]
 
 
-def _steps(values: Array, least: float) -> NDArray[np.int64]:
-    """Rows before which `values` step by more than `least`, alone among their neighbours, and stay there."""
-    n, size = SET.beside, np.abs(np.diff(values))
+def _steps(values: Array, least: float, longest: int = 1) -> list[tuple[int, int]]:
+    """First and last of at most `longest` rows before each of which `values` step by more than `least`, alone among
+    their neighbours, and stay there.
+    """
+    n, size, found = SET.beside, np.abs(np.diff(values, append=values[-1])), list[tuple[int, int]]()
     if len(values) < 4 * n:
-        return _NONE
-    beside = np.maximum(np.concatenate([[0.0], size[:-1]]), np.concatenate([size[1:], [0.0]]))
-    rows = np.flatnonzero((size > least) & (beside < SET.jump_alone * size)) + 1
-    rows = rows[(rows >= n) & (rows <= len(values) - n)]
-    left = [abs(np.median(values[k : k + n]) - np.median(values[k - n : k])) for k in rows]
-    rows = rows[np.array(left) > SET.jump_stays * size[rows - 1]]
-    return rows if len(rows) <= SET.jump_most else _NONE
+        return []
+    runs = [(a, b) for a, b in runs_of(size > least) if b - a <= longest and n < a + 2 and b <= len(values) - n]
+    for a, b in runs if len(runs) <= SET.beside * SET.jump_most else ():
+        step = abs(float(values[b] - values[a]))
+        stays = abs(float(np.median(values[b : b + n]) - np.median(values[a + 1 - n : a + 1])))
+        if max(size[a - 1], size[b]) * (b - a) < SET.jump_alone * step and stays > SET.jump_stays * step:
+            found.append((a + 1, b))
+    return found if len(found) <= SET.jump_most else []
 
 
 def check_jumps(view: View) -> Findings:
@@ -60,19 +78,27 @@ def check_jumps(view: View) -> Findings:
     machine's far beyond its usual steps.
     """
     machine = view.moving_column if view.kind.stage else view.driven
-    for name, rows in ((view.measured, jumps(view)), (machine, slips(view, machine) if machine else _NONE)):
-        if len(rows) and name:
-            largest = view.length(float(np.max(np.abs(np.diff(view.record[name])[rows - 1]))))
-            case = "place_jumps" if name != machine else f"place_jumps.{'stage' if view.kind.stage else 'driven'}"
-            yield view.weakens(case, name, rows, n=len(rows), largest=largest, force=SET.jump_force_N)
+    if len(rows := jumps(view)):
+        yield _jumped(view, view.measured, "place_jumps", [(row, row) for row in rows.tolist()])
+    if machine and (found := slips(view, machine)):
+        yield _jumped(view, machine, f"place_jumps.{'stage' if view.kind.stage else 'driven'}", found)
+    if machine and machine != view.measured and (lost := [one for one in _leaps(view, machine) if one not in found]):
+        yield _jumped(view, machine, "place_jumps.held", lost)
+
+
+def _jumped(view: View, name: str, case: str, found: list[tuple[int, int]]) -> RecordFinding:
+    values, rows = view.record[name], [first for first, _ in found]
+    largest = view.length(max(abs(float(values[last] - values[first - 1])) for first, last in found))
+    return view.finding("weakens", case, name, rows, n=len(rows), largest=largest, force=SET.jump_force_N)
 
 
 def without_slips(view: View, name: str) -> tuple[Array, int]:
     """The place `name` (n,) without its jumps, and their number."""
-    values, rows = view.record[name], slips(view, name)
-    steps = np.zeros(len(values))
-    steps[rows] = values[rows] - values[rows - 1]
-    return values - np.cumsum(steps), len(rows)
+    values, found = view.record[name], slips(view, name)
+    steps, size = np.zeros(len(values)), np.diff(values, prepend=values[0])
+    for first, last in found:
+        steps[first : last + 1] = size[first : last + 1]
+    return values - np.cumsum(steps), len(found)
 
 
 def check_wraps(view: View) -> Findings:

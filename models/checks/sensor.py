@@ -135,7 +135,9 @@ def spikes(view: View, name: str) -> Mask:
         off = np.minimum(np.abs(left), np.abs(right)) - np.abs(left - right)
         score = np.where(left * right > 0, np.maximum(off, 0.0), 0.0)
         beside = SET.outlying * float(np.percentile(score, 95))
-        least = max(SET.far * white_noise(values), beside, SET.visible * span, SET.outlying_steps * grid_step(values))
+        bend = SET.outlying_bend * float(np.percentile(np.abs(left + right), 95)) / 2
+        steps = SET.outlying_steps * grid_step(values)
+        least = max(SET.far * white_noise(values), beside, bend, SET.visible * span, steps)
         found = np.flatnonzero(score > least) + width
         if len(found) <= SET.outlier_most * len(values):
             mask[found] = True

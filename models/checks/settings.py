@@ -21,6 +21,7 @@ class CheckSettings:
     speed_lag_s: float = setting(4e-3, "s", "time by which it may be later or earlier")
     speed_left: float = setting(0.2, "1", "share of it that may be neither")
     repeated_finer: float = setting(2.0, "1", "times less noise of a column that repeats another, which is told")
+    motion_windows_s: tuple[float, ...] = setting((0.02, 0.005, 0.001), "s", "half windows of a motion's means")
     foretold: float = setting(0.02, "1", "share of a force that the motion foretells, from which it responds")
     jump_far: float = setting(3.0, "1", "times nearly all other steps that a jump of a driven place exceeds")
     lost_little: float = setting(0.01, "1", "share of the rows at the ends that clocks of their own do not share")
@@ -62,11 +63,15 @@ class CheckSettings:
     jump_alone: float = setting(0.25, "1", "largest move of the samples beside a jump, as a share of it")
     jump_stays: float = setting(0.7, "1", "least share of a jump that remains over the following samples")
     beside: int = setting(10, "samples", "samples on either side whose medians are compared")
+    jump_long: int = setting(5, "samples", "longest jump of a machine's place")
     jump_most: int = setting(20, "1", "jumps in a record, beyond which they are how it moves")
     noise_off: float = setting(1.5, "1", "ratio of the noise that shows to the stated one, from which they differ")
     noise_absurd: float = setting(0.3, "1", "share of the signal's span that no noise reaches")
     far: float = setting(12.0, "1", "standard deviations of the noise off both neighbours")
     outlying: float = setting(8.0, "1", "times the 95th percentile")
+    outlying_bend: float = setting(
+        4.0, "1", "times the 95th percentile of how far samples are off their neighbours' mean"
+    )
     outlying_steps: float = setting(1.5, "steps", "of a coarse scale: one step to and fro is no outlier")
     visible: float = setting(0.05, "1", "share of the span of nearly all samples")
     outlier_most: float = setting(0.02, "1", "share of the samples, beyond which they are no outliers")

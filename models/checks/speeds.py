@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from models.checks.estimators import Array, regressed, running_mean, smooth_speed, white_noise
+from models.checks.estimators import Array, Mask, regressed, running_mean, smooth_speed, white_noise
 from models.checks.finding import Findings
 from models.checks.settings import SET
 from models.checks.view import View
@@ -98,9 +98,11 @@ def check_repeated(view: View) -> Findings:
             yield view.notes("column_repeated", name, beside=other, **said)
 
 
-def motion_rows(view: View) -> Array:
-    """Acceleration, direction, speed, 1, place and, of an axis that turns, its sine and cosine, shape (n, 5 or 7)."""
-    x, n = view.record[view.moving_column], max(1, round(0.02 / view.dt))
+def motion_rows(view: View, seconds: float = SET.motion_windows_s[0]) -> Array:
+    """Acceleration, direction, speed, 1, place and, of an axis that turns, its sine and cosine, shape (n, 5 or 7), of
+    means over so many s on either side.
+    """
+    x, n = view.record[view.moving_column], max(1, round(seconds / view.dt))
     v = np.gradient(running_mean(x, n)) / view.dt
     a = np.gradient(running_mean(v, n)) / view.dt
     weight = [np.sin(x), np.cos(x)] if view.turns else []
@@ -108,9 +110,12 @@ def motion_rows(view: View) -> Array:
 
 
 def follows_motion(view: View) -> bool:
-    """Whether a line through the motion of one half of a record foretells the force of the other."""
-    rows, y = motion_rows(view), view.y
-    half = np.arange(len(y)) < len(y) // 2
+    """Whether a line through the motion of one half of a record foretells the force of the other, however fast."""
+    half = np.arange(len(view.y)) < len(view.y) // 2
+    return any(_foretells(motion_rows(view, seconds), view.y, half) for seconds in SET.motion_windows_s)
+
+
+def _foretells(rows: Array, y: Array, half: Mask) -> bool:
     return all(_foretold(rows[a], y[a], rows[b], y[b]) > SET.foretold for a, b in ((half, ~half), (~half, half)))
 
 

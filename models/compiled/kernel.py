@@ -25,6 +25,7 @@ NEVER_S = 1e30
 def _run(
     codes: tuple[int, ...],
     forgets: float,
+    beside: int,
     state: Array,
     commands: Array,
     measured: Array,
@@ -57,7 +58,7 @@ def _run(
         for lane in range(lanes):
             output[k, lane] = shown[lane]
         for lane in range(lanes, output.shape[1]):
-            output[k, lane] = work[lane]
+            output[k, lane] = work[(beside - 1) * lanes + lane]
         if gain != 0.0:
             for lane in range(lanes):
                 e = measured[k, lane] - shown[lane]
@@ -79,7 +80,7 @@ class Kernel:
 
     The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
     overwrites `states` with the last ones and fills `outputs`, each predicted before its sample is seen, and beside it
-    the states from number 1 on, as many as there are columns. `correct` then
+    the states from number `beside` on, as many as there are columns. `correct` then
     moves the state by `gain` times the prediction's error less its slow part (a mean over about `slow_s`): an observer
     that keeps slip events in step without hiding slow errors of the model. It runs free where `measured` is NaN, and
     throughout at a gain of 0. Compiled when first run and kept on disk. Running raises ValueError for operations that
@@ -89,6 +90,7 @@ class Kernel:
     step: ca.Function
     correct: ca.Function
     slow_s: float = SLOW_S
+    beside: int = 1
 
     @cached_property
     def many(self) -> Loop:
@@ -104,4 +106,4 @@ class Kernel:
     def _compiled(self, lanes: int) -> Loop:
         n, m = self.step.numel_in(0), self.step.numel_in(5)
         codes = (Code(self.step, {0: 0, 5: n}, (0, n + m)), Code(self.correct, {0: 0, 1: n + m + 1}, (0,)))
-        return partial(_run, addresses(codes, lanes), self.slow_s)
+        return partial(_run, addresses(codes, lanes), self.slow_s, self.beside)

@@ -18,6 +18,7 @@ from models.effects.effect import HOOKS, Effect, Signals
 from models.effects.equation import LEFT, SIDES, SIGNALS, TRIED, USUAL, Symbols, answered, names_in, own_forms, traced
 from models.formula import value_of
 from models.parameter import nearest
+from models.rigs.benches import DRIVEN_AXIS
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 
@@ -98,9 +99,10 @@ def _nothing(hook: str, s: Mapping[str, float], given: Mapping[str, float] = USU
 
 def _of_kinds(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
     """kinds of rig"""
-    strange = sorted(str(kind) for kind in effect.kinds if kind not in KINDS)
+    known_kinds = (*KINDS, DRIVEN_AXIS.id)
+    strange = sorted(str(kind) for kind in effect.kinds if kind not in known_kinds)
     if not effect.kinds or strange:
-        yield f".kinds must be among {', '.join(KINDS)}; got {repr(strange[0]) if strange else 'none'}"
+        yield f".kinds must be among {', '.join(known_kinds)}; got {repr(strange[0]) if strange else 'none'}"
     own = [hook for hook in HOOKS if effect.answers(hook)]
     if not own:
         yield f" must define a hook; got none; hooks are {', '.join(HOOKS)}"

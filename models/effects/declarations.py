@@ -11,7 +11,7 @@ from models.files.units import unit
 from models.parameter import Parameter, nearest
 
 _TUPLES: Final = ("states", "confounders", "refined_by", "needs", "proposed_on")
-_WORDS: Final = ("id", "words", "summary", "source", "separated_by", "of")
+_WORDS: Final = ("id", "words", "summary", "source", "separated_by", "of", "behind")
 DECLARATIONS: Final = (*_WORDS, "kinds", *_TUPLES, "symbols", "follows", "grid", "probe", "by_speed", "exact", "forms")
 """What an effect may declare in addition to its parameters and hooks."""
 _OURS: Final = (*DECLARATIONS, "parameters")

@@ -19,7 +19,7 @@ class ActuatorLag(Effect):
     summary = "first-order lag of the drive"
     source = "first-order drive"
     symbols = by_name(command="u")
-    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "driven_axis"})
     states = ("command",)
     follows = by_name(command="command")
     probe = 0.005
@@ -164,9 +164,9 @@ class ActuatorDeadZone(Effect):
     words = "a dead zone of the drive"
     summary = "a dead zone of the drive"
     source = "tracing catalogue 17"
-    kinds = frozenset({"coil"})
+    kinds = frozenset({"coil", "driven_axis"})
     probe = 0.01
-    confounders = ("stribeck", "dwell_adhesion")
+    confounders = ("stribeck", "dwell_adhesion", "actuator_saturation")
     separated_by = "small-signal drive"
 
     zone = number(0.0, "of the command", 0.0, 1.0, symbol="d")
@@ -182,7 +182,7 @@ class ActuatorSaturation(Effect):
     words = "a saturating drive"
     summary = "saturation of the drive"
     source = "tracing catalogue 19"
-    kinds = frozenset({"coil"})
+    kinds = frozenset({"coil", "driven_axis"})
     probe = 0.5
     confounders = ("actuator_dead_zone",)
     separated_by = "amplitude staircase"

@@ -89,7 +89,8 @@ class Effect:
     motion must offer for the effect to show: "both_ways", "reversals", "speeds", "places", "rests", "time", "load" (a
     logged one of different sizes), "logged" (an input that changes), "samples" (more than two a mains period), "wall"
     (of living tissue, none on a plate), "turning" (an axis that turns; only its search tries such an effect).
-    `proposed_on` names the records whose residual proposed it.
+    `behind` is the state by which the load's place is behind that of its drive. `proposed_on` names the records whose
+    residual proposed it.
     """
 
     id: ClassVar[str] = ""
@@ -108,6 +109,7 @@ class Effect:
     of: ClassVar[str] = ""
     by_speed: ClassVar[bool] = False
     exact: ClassVar[bool] = False
+    behind: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ()
     proposed_on: ClassVar[tuple[str, ...]] = ()
 

@@ -9,6 +9,7 @@ from models.effects.effect import Effect, Forms, Signals, Value, Values, by_name
 from models.formula import Formula, equal, named, shown_as
 
 _CREEP = 1e-6  # m/s
+_STILL = 1e-12  # m/s, rate of a stretch that counts as none
 
 
 class ViscousDrag(Effect):
@@ -362,9 +363,10 @@ class ElasticDrive(Effect):
     symbols = by_name(stretch_m="e", load_m_s="v_l")
     kinds = frozenset({"axis"})
     states = ("stretch_m", "load_m_s")
+    behind = "stretch_m"
     needs = ("speeds",)
     grid = by_name(frequency_Hz=(2.0, 4.0, 8.0, 15.0, 25.0))
-    confounders = ("presliding", "sensor_delay")
+    confounders: ClassVar[tuple[str, ...]] = ("presliding", "sensor_delay")
     separated_by = "a chirp through the resonance; a second encoder at the load"
 
     load_kg = number(0.0, "kg", 0.0, 1e4, symbol="m")
@@ -376,13 +378,8 @@ class ElasticDrive(Effect):
         return -p["load_kg"] * (w**2 * z["stretch_m"] + 2 * p["damping"] * w * (s.v - z["load_m_s"]))
 
     def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
-        w, zeta = 2 * math.pi * p["frequency_Hz"], p["damping"]
-        e, rate, own = z["stretch_m"], s.v - z["load_m_s"], w * np.sqrt(1 - zeta**2)
-        decay, sine, cosine = np.exp(-zeta * w * h), np.sin(own * h), np.cos(own * h)
-        pulled = (rate + zeta * w * e) / own
-        after = decay * (e * cosine + pulled * sine)
-        left = decay * (rate * cosine - (zeta * w * pulled + own * e) * sine)
-        return {"stretch_m": after, "load_m_s": s.v - left}
+        after, rate = _swung(z["stretch_m"], s.v - z["load_m_s"], p, h)
+        return {"stretch_m": after, "load_m_s": s.v - rate}
 
     @classmethod
     def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
@@ -390,3 +387,76 @@ class ElasticDrive(Effect):
         rate = s.v - z["load_m_s"]
         pull = w**2 * z["stretch_m"] + 2 * p["damping"] * w * rate
         return {"stretch_m": [equal(Formula("e'"), rate)], "load_m_s": [equal(Formula("v_l'"), pull)]}
+
+
+def _swung(e: Value, rate: Value, p: Values, h: Value) -> tuple[Value, Value]:
+    """Stretch in m and its rate in m/s of an `ElasticDrive` after a time `h` in s at constant speed of the axis."""
+    w, zeta = 2 * math.pi * p["frequency_Hz"], p["damping"]
+    own, pulled = _own_swing(e, rate, p)
+    decay, sine, cosine = np.exp(-zeta * w * h), np.sin(own * h), np.cos(own * h)
+    return (
+        decay * (e * cosine + pulled * sine),
+        decay * (rate * cosine - (zeta * w * pulled + own * e) * sine),
+    )
+
+
+def _own_swing(e: Value, rate: Value, p: Values) -> tuple[Value, Value]:
+    """Angular frequency in rad/s of the damped swing, and its sine's share in m, of a stretch `e` and its `rate`."""
+    w, zeta = 2 * math.pi * p["frequency_Hz"], p["damping"]
+    own = w * np.sqrt(1 - zeta**2)
+    return own, (rate + zeta * w * e) / own
+
+
+class DrivePlay(ElasticDrive):
+    """An `elastic_drive` with play b: `-m (w^2 c + 2 zeta w e')` at the stretch e with `c = e - min(max(e, -b/2),
+    b/2)`, nothing while |e| < b/2; the load rubs on the frame with m r. Within a step the moments at which an end of
+    the play is met and left are exact, at most one of each; the load's friction acts in two halves around them.
+    """
+
+    id = "drive_play"
+    words = "play between drive and load"
+    summary = "a part of the load follows the axis over a spring with play: backlash of two masses"
+    source = "two-mass models with backlash: Nordin and Gutman, Automatica 38 (2002) 1633"
+    kinds = frozenset({"driven_axis"})
+    grid = by_name(frequency_Hz=(8.0, 25.0), play_m=(2e-4, 1e-3, 5e-3))
+    confounders = ("elastic_drive", "presliding", "carriage_backlash")
+    separated_by = "small and large swings: an elastic drive answers in proportion; a second encoder at the load"
+
+    frequency_Hz = number(15.0, "Hz", 0.5, 120.0, symbol="f")
+    damping = number(0.4, "1", 0.0, 0.9, spread=0.3, symbol="zeta")
+    play_m = number(1e-3, "m", 0.0, 100.0, symbol="b")
+    rubbing_m_s2 = number(0.1, "m/s^2", 0.0, 1e4, symbol="r")
+
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
+        w, e = named("w", 2 * math.pi * p["frequency_Hz"]), z["stretch_m"]
+        c = e - np.clip(e, -0.5 * p["play_m"], 0.5 * p["play_m"])
+        damped = 2 * p["damping"] * w * (s.v - z["load_m_s"])
+        return -p["load_kg"] * np.where(np.abs(e) > 0.5 * p["play_m"], w**2 * c + damped, 0.0)
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
+        def rubbed(speed: Value) -> Value:
+            return np.sign(speed) * np.maximum(np.abs(speed) - 0.5 * h * p["rubbing_m_s2"], 0.0)
+
+        half, e, rate = 0.5 * p["play_m"], z["stretch_m"], s.v - rubbed(z["load_m_s"])
+        moves = np.abs(rate) > _STILL
+        across = np.where(moves, np.clip((np.sign(rate) * half - e) / np.where(moves, rate, 1.0), 0.0, h), h)
+        loose = np.where(np.abs(e) < half, across, 0.0)
+        end = np.clip(e + rate * loose, -half, half)
+        c, left = e + rate * loose - end, h - loose
+        side = np.where(c == 0, np.sign(rate), np.sign(c))
+        own, pulled = _own_swing(c, rate, p)
+        held = np.minimum((np.arctan2(side * pulled, np.abs(c)) + 0.5 * math.pi) / own, left)
+        c, rate = _swung(c, rate, p, held)
+        after = np.where(held < left, np.clip(end + rate * (left - held), -half, half), end + c)
+        return {"stretch_m": after, "load_m_s": rubbed(s.v - rate)}
+
+    @classmethod
+    def forms(cls, s: Signals, p: Values, z: Values) -> Forms:
+        w, e, half = named("w", 2 * math.pi * p["frequency_Hz"]), z["stretch_m"], p["play_m"] / 2
+        rate, c = s.v - z["load_m_s"], named("c", e - np.clip(e, -half, half))
+        pull = np.where(np.abs(e) > half, w**2 * c + 2 * p["damping"] * w * rate, 0.0)
+        return {
+            "force": [equal(Formula("F_extra"), -p["load_kg"] * pull)],
+            "stretch_m": [equal(Formula("e'"), rate)],
+            "load_m_s": [equal(Formula("v_l'"), pull - p["rubbing_m_s2"] * np.sign(z["load_m_s"]))],
+        }

@@ -12,7 +12,7 @@ Line = tuple[int, str]
 def as_table(where: str, lines: Iterator[Line]) -> Iterator[Line]:
     """The numbered lines of a table between tabs. A column `X_Value` that the file leaves empty is filled by its `X0`
     and `Delta_X`; the comments at the ends of rows are left out. Raises ValueError where a segment has fewer samples
-    than it states.
+    than it states, or channels with clocks of their own.
     """
     separator, named = "\t", False
     stated: dict[str, list[str]] = {}
@@ -49,6 +49,12 @@ def _samples(
                 raise ValueError(f"{where}: record must hold the {most} samples that it states; got {k}: it is cut off")
             return
         cells = [*cells, *[""] * len(names)][: len(names)]
+        clocks = [cell for cell, name in zip(cells, names, strict=True) if name == _X and cell]
+        if len(set(clocks)) > 1:
+            raise ValueError(
+                f"{where}, line {number}: all channels must have one {_X}; got {clocks[0]} and {clocks[-1]}: save one"
+                " file for each clock, or resample"
+            )
         if names[0] == _X and not cells[0] and step:
             cells[0] = repr(first + k * step)
         yield number, "\t".join(cells)

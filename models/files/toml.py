@@ -4,7 +4,7 @@ import json
 import re
 import sys
 import tomllib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -13,6 +13,11 @@ from models.files.access import read_text
 from models.files.units import unit, unit_of
 from models.laws.geometry import contact_angle_deg
 from models.parameter import nearest
+
+
+def beside(file: str, name: str) -> dict[str, Any]:
+    """The tables of our own data file `name`, which lies beside the module `file`."""
+    return tomllib.loads(Path(file).with_name(name).read_text(encoding="utf-8"))
 
 
 def toml_text(tables: Mapping[str, Any], path: str = "") -> str:
@@ -84,6 +89,22 @@ def check_word(word: Any, where: str, choices: Collection[str]) -> str:
         hint = f"; {nearest(word, known)}" if isinstance(word, str) else ""
         raise ValueError(f"{where} must be one of {', '.join(known)}; got {shown(word)}{hint}")
     return str(word)
+
+
+def check_known(names: Iterable[str], known: Collection[str], must: str) -> None:
+    """Raises ValueError for the first of the `names` that is not `known`: what it `must` be, the nearest one."""
+    for name in names:
+        if name not in known:
+            raise ValueError(f"{must} {', '.join(known)}; got {name!r}; {nearest(str(name), [*known])}")
+
+
+def check_tables(raw: Table, known: Collection[str], others: Collection[str] = ()) -> None:
+    """Raises ValueError for a table that is not `known`, and for what is none; `others` may be lists of tables."""
+    for name, table in raw.items():
+        if name not in known:
+            raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, [*known])}")
+        if name not in others and not isinstance(table, Mapping):
+            raise ValueError(f"{name} must be a table; got {shown(table)}")
 
 
 def check_magnitude(value: Any, where: str) -> None:

@@ -85,7 +85,7 @@ def close(
     if told is not None:
         told(smallest(prepared.kind, train))
     joined = list[Record]()
-    for again in (True, True, False):
+    for again in (True, False):
         found = search(prepared.kind, train, progress, np.random.default_rng(seed), most, began + budget_s)
         worse, outside = unexplained(prepared.kind, found, others)
         if not (worse and again) or found.ended == "time":

@@ -38,7 +38,8 @@ def check_records(train: Sequence[Record], holdout: Sequence[Record]) -> None:
             _check_clock(record)
         check_demand(record)
     layout = train[0].layout
-    swings = KINDS[train[0].kind].stage and not any(r[layout.driven[0][0]].any() for r in train)
+    pushes = (r[name] for r in train for name in layout.driven[0] if name in r.columns)
+    swings = KINDS[train[0].kind].stage and not any(push.any() for push in pushes)
     _check_change(train, (*(() if swings else layout.driven), layout.measured))
     if holdout:
         _check_change(holdout, (layout.measured,))

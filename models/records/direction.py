@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.rigs.benches import AXIS, DRIVEN_AXIS
-from models.rigs.columns import TIME
+from models.rigs.columns import LOAD_PLACES, TIME
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
@@ -22,9 +22,11 @@ _EXACTLY: Final = 1e-4  # share of a force by which it may differ from a command
 
 def kind_of(rig: Rig, columns: Collection[str]) -> RigKind:
     """The kind of a record of `rig` with these columns: an axis whose force nobody measured is driven by its current
-    or voltage.
+    or voltage, one with a second encoder at the load by its force.
     """
     kind = KINDS[rig.kind]
+    if kind is AXIS and {*LOAD_PLACES} & set(columns):
+        return DRIVEN_AXIS
     if kind is not AXIS or {*_FORCES} & set(columns):
         return kind
     return DRIVEN_AXIS if set(columns) & {*DRIVEN_AXIS.layout.driven[0]} else kind
@@ -52,7 +54,11 @@ def directed(kind: RigKind, columns: dict[str, Array], rig: Rig) -> tuple[dict[s
     (place,), force = layout.measured, layout.driven[0][0]
     driven = rig.driven or next((name for name in layout.driven[0] if name in columns), "")
     rows = len(next(iter(columns.values())))
-    pushed = rig.axis.constant(driven) * columns[driven] if driven in columns else np.zeros(rows)
+    constant = rig.axis.constant(driven) if driven in columns else 0.0
+    if constant is None:
+        said = TEXT("ratio", driven=driven, place=place, inertia=rig.axis.of(columns)[0])
+        return {name: values for name, values in columns.items() if name != force}, (said,)
+    pushed = constant * columns[driven] if driven in columns else np.zeros(rows)
     said = TEXT("driven" if driven in columns else "free", driven=driven, place=place)
     return {**columns, force: pushed}, () if rig.driven in columns else (said,)
 

@@ -209,14 +209,16 @@ def _paced(kind: RigKind) -> tuple[str, ...]:
 
 def _free(kind: RigKind) -> tuple[str, ...]:
     """Columns of ours that are left out where they hold anything but usable numbers."""
-    inputs = dict.fromkeys(name for one in kind.layouts for name in one.optional)
+    inputs = dict.fromkeys(name for one in kind.layouts for name in (*one.optional, *one.beside))
     return tuple(inputs) if kind.stage else kind.layout.beside
 
 
-def _usable(kind: RigKind, values: Array) -> bool:
+def _usable(kind: RigKind, name: str, values: Array) -> bool:
     """Whether an input has a usable number in every row; a second measured column in as many as a record needs."""
     good = np.abs(values) <= LARGEST_LOAD
-    return bool(good.all() if kind.stage else np.all(good | np.isnan(values)) and good.sum() >= kind.layout.minimum)
+    if not any(name in one.beside for one in kind.layouts):
+        return bool(good.all())
+    return bool(np.all(good | np.isnan(values)) and good.sum() >= kind.layout.minimum)
 
 
 def find_columns(
@@ -295,7 +297,7 @@ def _record(
     if all(source.plain for source in sources.values()):
         columns = {key: columns[key] for key in table.header if key in columns}
     free = [name for name in _free(kind) if name in ours]
-    strange = [n for n in free if contradiction(n, sources[n], table.units) or not _usable(kind, ours[n])]
+    strange = [n for n in free if contradiction(n, sources[n], table.units) or not _usable(kind, n, ours[n])]
     columns = {key: values for key, values in columns.items() if key not in strange}
     layout = kind.columns(ours)
     optional = [name for name in layout.optional if name not in ours]

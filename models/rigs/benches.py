@@ -5,9 +5,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from models.drives.axis_force import AxisForce, AxisTorque
+from models.drives.axis_force import AxisForce, AxisTorque, by
 from models.rigs.capsules import VIBRO
-from models.rigs.columns import LOADS, SLOWEST_PULL, Columns, Range
+from models.rigs.columns import LOAD_PLACES, LOADS, SLOWEST_PULL, Columns, Range
 from models.rigs.kind import Record, RigKind, Tables
 from models.rigs.rig import Head, Rig
 from models.rigs.schema import key
@@ -54,8 +54,8 @@ AXIS = RigKind(
     id="axis",
     head=AxisHead,
     layouts=(
-        Columns((("position_m",),), ("force_N",), optional=("velocity_m_s", *LOADS)),
-        Columns((("angle_rad",),), ("torque_N_m",), optional=("velocity_rad_s", *LOADS)),
+        Columns((("position_m",),), ("force_N",), optional=("velocity_m_s", *LOADS), beside=LOAD_PLACES[:1]),
+        Columns((("angle_rad",),), ("torque_N_m",), optional=("velocity_rad_s", *LOADS), beside=LOAD_PLACES[1:]),
     ),
     ranges={
         "velocity_m_s": Range(-1e3, 1e3, "between -1000 and 1000 m/s"),
@@ -75,14 +75,15 @@ AXIS = RigKind(
 
 def _axis_drive(rig: Rig, by_voltage: bool = False) -> AxisForce:
     turns = rig.driven == "torque_N_m" or rig.axis.inertia_kg_m2 is not None
-    return AxisTorque() if turns else AxisForce()
+    drive = AxisTorque if turns else AxisForce
+    return drive() if rig.axis.constant(rig.driven) is not None else by(drive, rig.driven)()
 
 
 DRIVEN_AXIS = RigKind(
     id="driven_axis",
     turned=AXIS.id,
     layouts=tuple(
-        Columns(((force, *_DRIVES[2:]),), (place,), optional=own.optional)
+        Columns(((force, *_DRIVES[2:]),), (place,), optional=own.optional, beside=own.beside)
         for own, force, place in zip(AXIS.layouts, _DRIVES, ("position_m", "angle_rad"), strict=False)
     ),
     head=AxisHead,

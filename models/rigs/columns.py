@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 TIME = "t_s"
 ACCELERATION = "acceleration_m_s2"
 """Of a body along its path: a second measured column."""
+LOAD_PLACES = ("load_position_m", "load_angle_rad")
+"""Of the load that an axis moves, by an encoder of its own: a second measured column."""
 LOADS = ("load_N", "load_N_m", *(f"load_{k}" for k in range(1, 10)), "pressure_Pa", "temperature_degC")
 """Logged inputs of a machine's axis: each may push, scale the friction, or do nothing."""
 TIME_SERIES_ROWS = 2_000_000  # most rows of a record: half an hour at 1 kHz
@@ -105,6 +107,8 @@ RANGES = MappingProxyType(  # what a value of a column may be, by column
         "load_N": Range(-1e9, 1e9, "between -1e9 and 1e9 N"),
         "friction_coefficient": Range(0.0, 100.0, "not negative, at most 100"),
         ACCELERATION: Range(-1e5, 1e5, "between -1e5 and 1e5 m/s2"),
+        "load_position_m": _PLACE,
+        "load_angle_rad": Range(-1e6, 1e6, "between -1e6 and 1e6 rad"),
         "load_N_m": Range(-1e9, 1e9, "between -1e9 and 1e9 N m"),
     }
 )

@@ -31,7 +31,8 @@ def freely(rig: Rig, turns: bool = False) -> Rig:
     """`rig` as one that is driven, where a model of its kind serves both directions."""
     if rig.kind not in (AXIS.id, DRIVEN_AXIS.id):
         return rig
-    return replace(rig, kind=DRIVEN_AXIS.id, driven="torque_N_m" if turns else "force_N")
+    free = rig.axis.constant(rig.driven) is None
+    return replace(rig, kind=DRIVEN_AXIS.id, driven=rig.driven if free else "torque_N_m" if turns else "force_N")
 
 
 def named(kind: str) -> str:

@@ -201,15 +201,22 @@ class Axis(Table):
         keys = list(cls.model_fields)
         return (*keys[4:8], *keys[10:]) if "angle_rad" in columns else (*keys[:4], *keys[8:10])
 
-    def constant(self, driven: str) -> float:
-        """Force in N (torque in N m) of 1 in the `driven` column. Raises ValueError where it is not stated."""
+    def constant(self, driven: str) -> float | None:
+        """Force in N (torque in N m) of 1 in the `driven` column; None where records must show it, by the inertia that
+        is stated. Raises ValueError where neither is.
+        """
         if driven in ("", "force_N", "torque_N_m"):
             return 1.0
         unit = driven.rpartition("_")[2]
         keys = [name for name in type(self).model_fields if name.endswith(f"_per_{unit}")]
         stated = [value for name in keys if (value := getattr(self, name)) is not None]
+        if not stated and (self.mass_kg or self.inertia_kg_m2):
+            return None
         if len(stated) != 1:
-            raise ValueError(f"[axis] must have one of {' and '.join(keys)} where {driven} drives; got {len(stated)}")
+            raise ValueError(
+                f"[axis] must have one of {' and '.join(keys)}, or else mass_kg or inertia_kg_m2, where {driven}"
+                f" drives: records show only the ratio of the constant to the inertia; got {len(stated) or 'neither'}"
+            )
         return float(stated[0])
 
 

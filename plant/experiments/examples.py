@@ -17,10 +17,7 @@ FORCE_STD_N: Final = 1e-3  # noise and span of the sensors: force cell, localisa
 POSITION_STD_M: Final = 5e-5
 FORCE_SPAN_N: Final = 0.25
 POSITION_SPAN_M: Final = 25e-3
-FINE_STEP_S: Final = 5e-6
-"""Step of the plant for switched drives: the error of a single edge stays in the position, so it must lie below the
-noise.
-"""
+FINE_STEP_S: Final = 5e-6  # Step for switched drives: the error of a single edge must lie below the noise
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,6 @@ class Believed:
 
     @property
     def pulled(self) -> bool:
-        """Whether force is measured, not position."""
         return isinstance(self.nominal.drive, TruePull)
 
     def truth(self, rng: np.random.Generator) -> Truth:

@@ -43,12 +43,8 @@ def _check_speeds(key: str, *speeds: float) -> None:
 
 
 class Profile(Protocol):
-    """The command of a drive over time."""
-
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        """A value at each step of `dt` over `duration_s` in s, both ends included: positions in m, voltages in V,
-        forces in N, or shares of a step with PWM on.
-        """
+        """A value at each step of `dt`, both ends included: m, V, N, or shares of a step with PWM on."""
         ...
 
 
@@ -80,9 +76,7 @@ class RandomRuns(WholeRuns):
 
 @dataclass(frozen=True)
 class Wander:
-    """A carriage path in m from zero, further forward than back: seven sines of 0.03 to 0.9 Hz, the slow ones wide,
-    faded in over half a second; up to about 30 mm/s.
-    """
+    """A carriage path in m from zero: seven sines of 0.03 to 0.9 Hz, faded in over half a second, up to 30 mm/s."""
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         t = np.arange(round(duration_s / dt) + 1) * dt
@@ -165,9 +159,7 @@ class Pwm:
 
 @dataclass(frozen=True)
 class RandomPulses(Pwm):
-    """Trains of pulses, each 1 to 3 s long, of 0.6 to 1.6 times `period_s` and duties of 0.15 to 0.85; a quarter of
-    them are rests of 0.4 s.
-    """
+    """Trains of 1 to 3 s of 0.6 to 1.6 times `period_s`, duties 0.15 to 0.85; a quarter are rests of 0.4 s."""
 
     duty: float = 0.5
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from models.files.access import draft
 from models.files.toml import (
+    check_known,
+    check_tables,
     check_word,
     converted,
     in_file,
@@ -21,7 +23,6 @@ from models.files.toml import (
     with_contact_angle,
 )
 from models.laws.geometry import GRAVITY, Capsule, Tissue
-from models.parameter import nearest
 from models.rigs.magnets import Magnet as MagnetTable
 from models.rigs.magnets import read_magnets
 from models.rigs.schema import Table as RigTable
@@ -110,9 +111,7 @@ class Accelerometer:
     lowpass_s: float = 3e-4
 
     def columns(self, rows: Floats, place: tuple[Floats, Floats], rng: np.random.Generator) -> dict[str, Floats]:
-        """Stamps, readings, and the readings of `place` (stamps, values) at the nearest stamp, else NaN; `rows` are the
-        truth.
-        """
+        """Stamps, readings, and the readings of `place` (stamps, values) at the nearest stamp, else NaN."""
         seen, times = Sensor(self.rate_Hz, 0.0, 0.0, self.delay_s, self.lowpass_s), rows[:, at.O_T]
         t, v = seen.measure(times, seen.filtered(times, rows[:, at.O_V]), rng)
         a = np.diff(v, prepend=v[0]) * self.rate_Hz + self.bias_m_s2 + self.std_m_s2 * rng.standard_normal(len(t))
@@ -123,8 +122,6 @@ class Accelerometer:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A simulated experiment: rig, command, sensors."""
-
     run: RunTable
     kind: str
     rig: Truth
@@ -142,11 +139,7 @@ def load_scenario(path: Path) -> Scenario:
 
 def parse_scenario(raw: Table, folder: Path) -> Scenario:
     """A scenario from parsed TOML; paths are relative to `folder`. Errors as `load_scenario`."""
-    for name, table in raw.items():
-        if name not in TABLES:
-            raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
-        if not isinstance(table, Mapping):
-            raise ValueError(f"{name} must be a table; got {shown(table)}")
+    check_tables(raw, TABLES)
     run, kind, rig = parse_truth(raw)
     beside = None
     if "accelerometer" in raw:
@@ -160,7 +153,6 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
 
 
 def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
-    """Run, kind of rig and the truth of a scenario. Errors as `load_scenario`."""
     run = from_table(RunTable, raw.get("scenario", {}), "scenario")
     if not SHORTEST_STEP_S <= run.step_s <= LONGEST_STEP_S:
         raise ValueError(f"scenario.step_s must be {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s; got {run.step_s:g}")
@@ -267,10 +259,7 @@ def _surface(table: Table) -> TruePlate | None:
 
 
 def _anatomy(table: Table) -> Anatomy:
-    for key in table:
-        if key not in ANATOMY_KEYS:
-            known = ", ".join(ANATOMY_KEYS)
-            raise ValueError(f"keys of [anatomy] must be among {known}; got {key!r}; {nearest(key, ANATOMY_KEYS)}")
+    check_known(table, ANATOMY_KEYS, "keys of [anatomy] must be among")
     profile = Anatomy() if "seed" not in table else random_anatomy(converted(table["seed"], int, "anatomy.seed"))
     if "places_m" in table or "level" in table:
         places_m, level = (list_of_numbers(table.get(key), f"anatomy.{key}") for key in ("places_m", "level"))

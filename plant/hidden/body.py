@@ -142,9 +142,7 @@ def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) 
 
 @compiled
 def remember_stress(v: float, dt: float, s: Floats, h: Floats) -> None:
-    """Advance the path since the last reversal, and the stress that builds up over the path and relaxes with a power of
-    itself.
-    """
+    """Advance the path since the last reversal, and the stress, which relaxes with a power of itself."""
     if h[ROW.fluid_plug, 0] != 0.0 and v != 0.0:
         s[S_SWEPT] = math.copysign((abs(s[S_SWEPT]) if v * s[S_SWEPT] > 0 else 0.0) + abs(v) * dt, v)
     if h[ROW.stress_relaxation, 0] != 0.0:

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.parameter import nearest
+from models.files.toml import check_known
 from plant.compiling import compiled
 from plant.hidden.registry import HIDDEN, ONSET, ROW, ROWS, HiddenNumber, hidden
 from plant.tables import Floats
@@ -21,19 +21,16 @@ def _any(h: Floats, first: int, last: int) -> bool:
 
 @compiled
 def has_level(h: Floats) -> bool:
-    """Whether the table `h` has an effect on the level of resistance."""
     return _any(h, ROW.stribeck, ROW.rolling_wobble)
 
 
 @compiled
 def has_force(h: Floats) -> bool:
-    """Whether it has a hidden force on the body."""
     return _any(h, ROW.viscous_drag, ROW.stress_relaxation)
 
 
 @compiled
 def has_drive(h: Floats) -> bool:
-    """Whether it has an effect between drive and body."""
     return _any(h, ROW.coupling_decay, ROW.back_emf) or bool(h[ROW.string_compliance, 0] != 0.0)
 
 
@@ -55,11 +52,7 @@ def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
     for name, numbers in chosen.items():
         effect = hidden(name)
         names = [*(shape.name for shape in effect.numbers), ONSET_KEY]
-        for key in numbers:
-            if key not in names:
-                raise ValueError(
-                    f"numbers of {name} must be among {', '.join(names)}; got {key!r}; {nearest(key, names)}"
-                )
+        check_known(numbers, names, f"numbers of {name} must be among")
         for slot, shape in enumerate(effect.numbers):
             table[ROWS[name], slot] = _possible(numbers.get(shape.name, shape.middle), shape, slot == 0, name)
         onset = numbers.get(ONSET_KEY, 0.0)
@@ -72,7 +65,6 @@ def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
 
 
 def begun(table: Floats, time_s: float) -> Floats:
-    """`table` without the effects whose onset is after `time_s`."""
     found = table.copy()
     found[found[:, ONSET] > time_s + 1e-9, 0] = 0.0
     return found

@@ -31,34 +31,21 @@ RESULTS, TABLE, PAGE, NUMBERS = "results.jsonl", "results.parquet", "campaign.ht
 REPORTS: Final = "series"
 SERIES_LIMIT_S: Final = 6 * 3600.0  # longest close-loop of a series
 _SHOWN: Final = 5  # worst cases that the terminal shows
-_MARK: Final = "close-loop over folders"
-"""Marks the results of series; each series has a hash of its own."""
+_MARK: Final = "close-loop over folders"  # Marks the results of series; each series has a hash of its own
 Outcome = tuple[dict[str, Any], Sequence[str | Table], bool]
 """The numbers, the lines for the terminal, and whether a run failed."""
 
 
 def campaign(
-    paths: Annotated[
-        list[Path],
-        argument(
-            "CAMPAIGN.toml|FOLDER",
-            "A scenario and what is varied in it; or folders of series, rig.toml and records in each.",
-        ),
-    ],
+    paths: Annotated[list[Path], argument("CAMPAIGN.toml|FOLDER")],
     *,
-    out: Annotated[
-        Path, option("--out", "DIR", "Folder for results and report; a campaign there is continued.")
-    ] = Path("out/campaign"),
+    out: Annotated[Path, option("--out", "DIR")] = Path("out/campaign"),
     workers: WorkerCount = None,
     scheduler: Scheduler = None,
-    run: Annotated[int | None, option("--run", "N", "Do run N alone and print it.")] = None,
-    retry: Annotated[
-        bool, typer.Option("--retry", help="Do failed runs again, and those of another version of the program.")
-    ] = False,
+    run: Annotated[int | None, option("--run", "N")] = None,
+    retry: Annotated[bool, typer.Option("--retry")] = False,
     json_output: Json = False,
-    seed: Annotated[
-        int, typer.Option("--seed", metavar="N", min=0, max=MOST_SEED, help="For folders: sets every random number.")
-    ] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, max=MOST_SEED)] = 0,
     own: OwnEffects,
 ) -> int:
     """Do the open runs of a campaign file, or close the loop on each series in the folders. Write `campaign.html` and
@@ -89,7 +76,6 @@ def _loops(plan: Campaign, out: Path, repeat: str, on: Workers, *, retry: bool) 
         resumed = len(results.done)
 
         def show() -> tuple[Runs, dict[str, Any]]:
-            """Write what is there so far."""
             runs = Runs(results.rows(), plan.head.metric, list(plan.draws))
             found = document(plan, runs, repeat) | {"resumed": resumed, "report": str(out / PAGE)}
             page = page_html(plan.name, runs, repeat, len(plan), program_version())
@@ -115,9 +101,7 @@ def _loops(plan: Campaign, out: Path, repeat: str, on: Workers, *, retry: bool) 
 
 
 def document(plan: Campaign, runs: Runs, repeat: str) -> dict[str, Any]:
-    """The campaign's numbers: all runs, each combination, each error, and the worst cases that did not fail; each with
-    the command that repeats it.
-    """
+    """The campaign's numbers: all runs, groups, errors, and the worst cases with the command that repeats each."""
     metric = plan.head.metric
     return {
         "campaign": plan.name,
@@ -162,7 +146,6 @@ def _series(
         resumed = sum(number in results.done for number in jobs)
 
         def show() -> tuple[list[SeriesAnswer], dict[str, Any]]:
-            """Write what is there so far."""
             rows = {row["run"]: row for row in results.rows()}
             answers = with_disagreements(
                 [answer_of(job.name, rows[n], f"{REPORTS}/{job.name}") for n, job in jobs.items() if n in rows]

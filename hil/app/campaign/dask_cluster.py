@@ -92,17 +92,13 @@ def _start_anew(client: Any, late: Any) -> None:
 
 
 def run_alone(jobs: Sequence[Job]) -> list[Row]:
-    """A chunk on a worker of any number of threads: standard output and the compiled model belong to the process, so
-    one at a time.
-    """
+    """One chunk at a time: standard output and the compiled model belong to the worker's process."""
     with _ONE:
         return run_jobs(jobs)
 
 
 def _outcome(future: Any) -> list[Row] | int:
-    """The rows of a chunk that has ended, or how many workers it has killed. TimeoutError where its worker died with
-    the rows.
-    """
+    """A chunk's rows, or how many workers it has killed. TimeoutError where its worker died with the rows."""
     from distributed import KilledWorker
 
     try:

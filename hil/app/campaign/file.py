@@ -28,10 +28,9 @@ from hil.app.campaign.worker import LONGEST_S, Loop, Table
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.score import Score
-from models.files.toml import LARGEST_INTEGER, in_file, read_toml
+from models.files.toml import LARGEST_INTEGER, check_known, check_tables, in_file, read_toml
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-from models.parameter import nearest
 from models.rigs import schema
 from models.rigs.schema import Among, NamedTable
 from models.theta import Theta
@@ -40,16 +39,12 @@ Distribution = tuple[str, tuple[Any, ...]]
 
 
 def distribution(key: str, table: Any) -> Distribution:
-    """The kind and the numbers of `[draw."KEY"]`. Raises ValueError of one sentence."""
     if isinstance(table, dict) and any(isinstance(value, dict) for value in table.values()):
         raise ValueError(f'draw must have its keys in quotes, as [draw."{key}.{next(iter(table))}"]; got them without')
     if not isinstance(table, dict) or len(table) != 1:
         raise ValueError(f'draw."{key}" must have one of {", ".join(_DRAWS)}; got {table!r}')
     kind, numbers = next(iter(table.items()))
-    if kind not in _DRAWS:
-        raise ValueError(
-            f'draw."{key}" must have one of {", ".join(_DRAWS)}; got {kind!r}; {nearest(kind, list(_DRAWS))}'
-        )
+    check_known([kind], _DRAWS, f'draw."{key}" must have one of')
     if not isinstance(numbers, list) or not numbers:
         raise ValueError(f'draw."{key}" {kind} must be a list; got {numbers!r}')
     if kind != "choice" and not _are_bounds(kind, numbers):
@@ -103,9 +98,7 @@ class CampaignTable(NamedTable):
 
 @dataclass(frozen=True)
 class Campaign:
-    """All runs, computed on demand. Runs of one case follow each other and share seed and draws, so controllers can
-    be compared.
-    """
+    """All runs, computed on demand; those of one case share seed and draws, so controllers can be compared."""
 
     name: str
     head: CampaignTable
@@ -151,9 +144,7 @@ def load_campaign(path: Path) -> Campaign:
     """Read and check a campaign file and its scenario; a ValueError of one sentence says what is wrong."""
     with in_file(path):
         raw, _ = read_toml(path, "campaign")
-        for table in raw:
-            if table not in TABLES:
-                raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{table}]; {nearest(table, TABLES)}")
+        check_tables(raw, TABLES)
         head = CampaignTable.read(raw)
         scenario, _ = read_toml(path.parent / head.scenario, "scenario")
         kind = str(_table(scenario, "rig").get("kind", ""))

@@ -1,6 +1,4 @@
-"""The report of a campaign: the distribution of the metric, what failed, and the worst cases with the command that
-repeats each.
-"""
+"""The report of a campaign: distribution of the metric, failures, worst cases with the command that repeats each."""
 
 import heapq
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,8 +19,7 @@ from models.words.quantities import number, scale
 Row = Mapping[str, Any]
 WORST: Final = 12  # cases on the page
 _NUMBERS: Final = ("median", "p95", "max")
-_EACH: Final = 40
-"""Runs up to which the spread shows each one."""
+_EACH: Final = 40  # Runs up to which the spread shows each one
 _POINTS: Final = 400  # runs of a group that are drawn each; more are drawn as medians and quantiles
 _BINS: Final = 24
 _FAILED_RUNS: Final = 5  # that are listed of each error
@@ -116,7 +113,6 @@ class Runs:
         }
 
     def over(self) -> dict[str, NDArray[np.float64]]:
-        """The values of each key whose values are numbers, run by run."""
         drawn = {key: values for key, values in self.drawn.items() if key not in self._words}
         grid = {
             key: np.array([float(one[key]) for one in self.combinations])[self.at]
@@ -168,7 +164,6 @@ def _point_words(point: Mapping[str, Any]) -> str:
 
 
 def _good(runs: Runs, which: NDArray[np.int_]) -> NDArray[np.int_]:
-    """Those of the runs whose metric is finite."""
     return np.array(which[np.isfinite(runs.values[which])])
 
 

@@ -180,11 +180,9 @@ class Results:
             self.done[key] = place
 
     def drop(self, key: Key) -> None:
-        """Forget a run, which is then done again."""
         self.done.pop(key, None)
 
     def _append(self, rows: Iterable[Mapping[str, Any]]) -> list[int]:
-        """Write the rows; their places."""
         lines = list(map(_line, rows))
         places = list(accumulate(map(len, lines), initial=self._end))
         data = b"".join(lines)
@@ -195,7 +193,6 @@ class Results:
         return places
 
     def close(self) -> None:
-        """Close the file, as the end of a `with` does."""
         os.close(self._file)
 
     def __enter__(self) -> Self:

@@ -48,7 +48,6 @@ class Series:
 
     @property
     def point(self) -> dict[str, str]:
-        """What distinguishes it."""
         return {"series": self.name}
 
     def result(self) -> dict[str, Any]:
@@ -66,14 +65,12 @@ class Series:
         return {key: report[key] for key in KEPT} | {"files": files}
 
     def keep(self, files: Mapping[str, str | bytes]) -> None:
-        """Write the report's files into `out`."""
         if files:
             self.out.mkdir(parents=True, exist_ok=True)
             write_files({self.out / name: content for name, content in files.items()})
 
     @property
     def reported(self) -> bool:
-        """Whether its report is there."""
         return (self.out / REPORT).is_file()
 
 

@@ -1,6 +1,4 @@
-"""What each series of a campaign answered, and which series disagree with others of their kind or with their own
-held-out records.
-"""
+"""What each series of a campaign answered; which disagree with others of their kind or their held-out records."""
 
 import math
 from collections import Counter
@@ -18,12 +16,10 @@ from models.words.sentences import Sentences, listed
 TEXT: Final = Sentences(__file__)
 OUTSIDE: Final = "outside"
 """The `cause` of a run that failed for a cause outside itself: it is done again at the next start."""
-ORDER: Final = ("refused", "unknown", "named", "none")
-"""The verdicts, those that need a look first."""
+ORDER: Final = ("refused", "unknown", "named", "none")  # The verdicts, those that need a look first
 LEAST_OTHERS: Final = 4  # series beside one that show whether it is unlike them
 LEAST_ALIKE: Final = 3  # series that make an answer usual
-FALSE_ALARMS: Final = 0.01
-"""Probability that any number of a kind of rig is called out where all rigs are alike."""
+FALSE_ALARMS: Final = 0.01  # Probability that any number of a kind of rig is called out where all rigs are alike
 
 
 @dataclass(frozen=True)
@@ -54,7 +50,6 @@ class SeriesAnswer:
 
 
 def answer_of(name: str, row: Mapping[str, Any], report: str) -> SeriesAnswer:
-    """The answer in a row of the results."""
     result, error = row.get("result", {}), reason_of(row).removeprefix("ValueError: ")
     effects, found = list(result.get("effects", [])), result.get("error", {})
     part = "holdout" if any(value is not None for value in found.get("holdout", {}).values()) else "train"
@@ -99,12 +94,10 @@ def lacking(answers: Iterable[SeriesAnswer]) -> list[tuple[str, int, int]]:
 
 
 def verdicts(answers: Sequence[SeriesAnswer]) -> dict[str, int]:
-    """How many series have each verdict, and how many were refused."""
     return {verdict: sum(answer.verdict == verdict for answer in answers) for verdict in ORDER}
 
 
 def document(answers: Sequence[SeriesAnswer]) -> dict[str, Any]:
-    """The campaign's numbers as JSON has them."""
     return {
         "campaign": "close-loop",
         "verdicts": verdicts(answers),
@@ -124,7 +117,6 @@ def _number(value: Any) -> float:
 
 
 def with_disagreements(answers: Sequence[SeriesAnswer]) -> list[SeriesAnswer]:
-    """The answers, each with its disagreements as sentences."""
     said: dict[str, list[str]] = {answer.name: [] for answer in answers}
     for kind in {answer.kind for answer in answers if answer.kind}:
         alike = [answer for answer in answers if answer.kind == kind]
@@ -138,16 +130,13 @@ def with_disagreements(answers: Sequence[SeriesAnswer]) -> list[SeriesAnswer]:
 
 
 def _decided(alike: Sequence[SeriesAnswer]) -> tuple[list[SeriesAnswer], str | None, int]:
-    """The series with a verdict; what is usual among them: the answer of more than half, at least three, or None; and
-    how many gave the most frequent answer.
-    """
+    """The series with a verdict, the answer of more than half (three or more) or None, and the highest count."""
     decided = [answer for answer in alike if answer.verdict in ("named", "none")]
     usual, count = Counter(answer.lacks for answer in decided).most_common(1)[0] if decided else ("", 0)
     return decided, usual if count >= LEAST_ALIKE and 2 * count > len(decided) else None, count
 
 
 def _lacks(alike: Sequence[SeriesAnswer]) -> Iterator[tuple[str, str]]:
-    """The series whose effects differ from the usual answer."""
     decided, usual, count = _decided(alike)
     if usual is None:
         return

@@ -48,7 +48,6 @@ def page_html(answers: Sequence[SeriesAnswer], missing: int = 0, version: str = 
 
 
 def headline(answers: Sequence[SeriesAnswer]) -> str:
-    """How many series, and how many of each verdict."""
     counts = {verdict: count for verdict in _COUNTED if (count := verdicts(answers)[verdict])}
     words = [TEXT(f"verdicts.{verdict}", count=count) for verdict, count in counts.items()]
     return TEXT("headline", count=len(answers), verdicts=words)

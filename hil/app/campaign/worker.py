@@ -56,9 +56,7 @@ class Job(Protocol):
 
 @dataclass(frozen=True)
 class Loop:
-    """A run of a closed loop: its number, the scenario as tables, its seed, what distinguishes it (`point`), and the
-    stage and values of the controller's model.
-    """
+    """A closed loop: number, scenario as tables, seed, what distinguishes it (`point`), values, stage."""
 
     number: int
     engine: str
@@ -142,7 +140,10 @@ def pooled(parts: Iterable[Sequence[Job]], workers: int, limit_s: float = LONGES
                     flying[pool.submit(run_jobs, part)] = time.monotonic() + _STARTS_S + limit_s * len(part), part
                     for _ in part:
                         suspects.pop()
-                for future in _ended(flying) if flying else ():
+                ended = _ended(flying) if flying else set()
+                if not ended:
+                    break
+                for future in ended:
                     yield future.result()
                     del flying[future]
         suspects.extend(job for _, part in flying.values() for job in part)
@@ -162,9 +163,7 @@ def _alone(job: Job, limit_s: float) -> Row:
 
 
 def _ended(flying: Mapping[Future[list[Row]], tuple[float, Sequence[Job]]]) -> set[Future[list[Row]]]:
-    """The chunks that end next, each with the time until when it may run. Where one has not ended then, all workers are
-    killed, and none is returned.
-    """
+    """The chunks that end next. Where one has not ended by its time, all workers are killed, and none is returned."""
     left = min(ends for ends, _ in flying.values()) - time.monotonic()
     done = wait(flying, timeout=max(left, 0.0), return_when=FIRST_COMPLETED).done
     if not done:
@@ -186,12 +185,10 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def lost(job: Job, deaths: int) -> Row:
-    """The row of a run that has killed so many workers."""
     return _row(job) | {"error": f"its worker died {deaths} times", "cause": OUTSIDE, "seconds": 0.0}
 
 
 def overdue(job: Job, limit_s: float) -> Row:
-    """The row of a run that did not end within its limit."""
     return _row(job) | {"error": f"it took longer than its limit of {limit_s:g} s", "seconds": limit_s}
 
 

@@ -9,11 +9,9 @@ from hil.nodes.operator_sender import OperatorAnswer, refusal_words, steering_wo
 
 RESTS: Final = ("boot", "self_test", "standby", "fault")
 """States of a drive that does not move and is not about to be enabled."""
-ENABLES: Final = ("standby", "ready", "enabled", "derated")
-"""States of a drive that a press may move."""
+ENABLES: Final = ("standby", "ready", "enabled", "derated")  # States of a drive that a press may move
 ME: Final = "cockpit"  # as a source of setpoints
-Button = tuple[bool, str]
-"""Whether it counts now, and what it would do, or why it does not count and what helps."""
+Button = tuple[bool, str]  # Whether it counts now, and what it would do, or why it does not count and what helps
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,6 @@ class Situation:
         }
 
     def words(self) -> str:
-        """What goes on, and what to do next."""
         if self.started in ("starting", "ending") and self.controller != "fault":
             return TEXT(f"run.{self.started}")
         if not self.controller:
@@ -59,7 +56,6 @@ class Situation:
         return TEXT("run.ours" if self.started else "run.theirs")
 
     def steering(self) -> str:
-        """What comes of setpoints, and what to do next."""
         if off := self._arm():
             return off[1]
         return steering_words(self.answer, True, ME) if self.controller else TEXT("button.no_steering")

@@ -37,20 +37,10 @@ EXTRA: Final = "cockpit"
 
 
 def cockpit(
-    path: Annotated[
-        Path,
-        argument(
-            "DEPLOYMENT.toml|LOG|SCENARIO.toml",
-            "A deployment file, whose bus is watched; a CAN log; or, with --watch, the scenario of a sil.",
-        ),
-    ],
-    host: Annotated[
-        str, option("--host", "ADDRESS", "Address to listen on; else this machine alone can open it.")
-    ] = "127.0.0.1",
-    port: Annotated[int, option("--port", "N", "Port; 0 takes a free one.")] = 8420,
-    watch: Annotated[
-        str | None, option("--watch", "CHANNEL", "The local bus on which `capsule sil --watch` runs SOURCE.")
-    ] = None,
+    path: Annotated[Path, argument("DEPLOYMENT.toml|LOG|SCENARIO.toml")],
+    host: Annotated[str, option("--host", "ADDRESS")] = "127.0.0.1",
+    port: Annotated[int, option("--port", "N")] = 8420,
+    watch: Annotated[str | None, option("--watch", "CHANNEL")] = None,
     json_output: Json = False,
 ) -> None:
     """Serve a page until Ctrl-C. Raises ValueError of one sentence."""
@@ -108,7 +98,6 @@ def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | 
 
 @contextmanager
 def _heard_on(inner: can.BusABC, facts: Facts, drive: ActuatorTable | None, tick_s: float) -> Iterator[BusSource]:
-    """The source of what a bus carries, with another maker's `drive` on it or without."""
     clock = Clock()
     bus: can.BusABC = ClockedBus(inner, clock, OLDEST_S)
     if drive is not None:
@@ -120,7 +109,6 @@ def _heard_on(inner: can.BusABC, facts: Facts, drive: ActuatorTable | None, tick
 
 
 def _log(path: Path, catalogue: FrameCatalogue) -> LogSource:
-    """The whole log, with the models of the record beside it."""
     frames, ended = list(read_frames(path, lambda words: note(f"{path}: {words}"))), ""
     if record_path(path).exists():
         record = read_log_record(path)

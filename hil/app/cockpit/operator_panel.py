@@ -19,8 +19,7 @@ from hil.nodes.operator_sender import OperatorSender
 from hil.own_process import own_environment, own_module
 from models.words.quantities import fixed
 
-HOLD_S: Final = 0.12
-"""How long a page's message that its button is held is valid; it comes every 40 ms."""
+HOLD_S: Final = 0.12  # How long a page's message that its button is held is valid; it comes every 40 ms
 LIFE_MS: Final = 100.0  # for which a setpoint is valid
 PARTING_S: Final = 0.2  # for which a release is sent
 PRESS_S: Final = 0.15  # of a press that stops the drive
@@ -82,7 +81,6 @@ class OperatorPanel:
         raise ValueError(kind)
 
     def situation(self) -> Situation:
-        """The states that decide which buttons count."""
         frame_map, watch = self.source.facts.frame_map, self.source.watch
         drive, beat = (watch.state(n) if watch.newest(n) else "" for n in (frame_map.feedback, "ControllerHeartbeat"))
         self._spoke = self._run is not None and (self._spoke or bool(beat))
@@ -185,7 +183,6 @@ class OperatorPanel:
             self._sender.position(value)
 
     def _ended(self, status: int) -> None:
-        """Report the end of a run that was started here."""
         assert self._said is not None
         out, error = (_text(file) for file in self._said)
         self._run, self._said, self._ending = None, None, False

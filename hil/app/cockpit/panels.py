@@ -14,8 +14,7 @@ from hil.nodes.task import Task
 
 Values = Mapping[str, float]
 Span = tuple[float, float]
-STDS: Final = 2.0
-"""Half the width of the estimate's band, in standard deviations."""
+STDS: Final = 2.0  # Half the width of the estimate's band, in standard deviations
 _MOTION: Final = "BelievedMotion"
 _MM, _MN, _PERCENT = 1e3, 1e3, 100.0  # in a metre; mN in a newton
 

@@ -35,7 +35,6 @@ def words(name: str) -> str:
 
 
 def clock(seconds: float) -> str:
-    """A time as minutes and seconds, with hours where there are some."""
     whole = int(max(seconds, 0.0))
     hours, minutes = divmod(whole // 60, 60)
     return f"{hours}:{minutes:02d}:{whole % 60:02d}" if hours else f"{minutes}:{whole % 60:02d}"

@@ -29,12 +29,10 @@ _HERE: Final = Path(__file__).parent
 _FILES: Final = ("cockpit.css", "draw.js", "cockpit.js", "steer.js")
 _TYPES: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
-STATE_EVERY: Final = 5
-"""Pictures from one state of the cards to the next."""
+STATE_EVERY: Final = 5  # Pictures from one state of the cards to the next
 OPERATORS: Final = 16  # most pages with the token at a time
 WATCHERS: Final = 16  # most pages without it
-QUIET_S: Final = 10.0
-"""How long a connection may take to send a request."""
+QUIET_S: Final = 10.0  # How long a connection may take to send a request
 _LONGEST: Final = 4096  # bytes of a message from a page
 _HEADERS: Final = {  # nothing from elsewhere, nothing kept
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none';"
@@ -98,7 +96,6 @@ class Cockpit:
         return {"kind": "state", **self.source.document()}
 
     def hello(self, commands: bool) -> dict[str, Any]:
-        """The first message to a page; `commands` says whether it may command."""
         live = isinstance(self.source, BusSource)
         span = {} if isinstance(self.source, BusSource) else {"end_s": self.source.end_s}
         facts = self.source.facts.document()
@@ -106,8 +103,6 @@ class Cockpit:
 
 
 class _Handler(tornado.web.RequestHandler):
-    """Who is answered, for files and the socket."""
-
     def initialize(self, cockpit: Cockpit, loopback: bool, host: str, name: str = "") -> None:
         self.cockpit, self.loopback, self.host, self.file = cockpit, loopback, host, _HERE / name
 
@@ -167,7 +162,6 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
         self.cockpit.leave(self)
 
     def send_new(self, state: dict[str, Any] | None) -> None:
-        """The bins and events since the last time, and the `state` where there is one."""
         source = self.cockpit.source
         assert isinstance(source, BusSource)
         if self._busy:
@@ -221,7 +215,6 @@ def _is_address(name: str) -> bool:
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """A socket that listens there. Raises ValueError of one sentence."""
     try:
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
         listener.setblocking(False)
@@ -233,7 +226,6 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 def serve(cockpit: Cockpit, listener: socket.socket, host: str, until: Callable[[], bool]) -> None:
-    """Serve until `until()`, which is called every tenth of a second."""
     loop = tornado.ioloop.IOLoop.current()
     server = tornado.httpserver.HTTPServer(
         cockpit.application(host in LOOPBACK, host),

@@ -19,8 +19,7 @@ from hil.log.blf_file import NOTED, Logged
 from hil.own_process import error_text
 
 Array = NDArray[np.float32]
-BIN_S: Final = 0.04
-"""Length of a span, and time between two pictures."""
+BIN_S: Final = 0.04  # Length of a span, and time between two pictures
 KEPT_S: Final = 60.0  # of each line
 HEAD: Final = struct.Struct("<IIdd")
 """Before the values: number of the first span, count of spans, begin of the first and length of each in s."""
@@ -78,7 +77,6 @@ class Ring:
             self._last[number] = (time_s, low, high)
 
     def close(self, now: float) -> None:
-        """End the bins that are over at `now`."""
         while now >= (self.head + 1) * BIN_S:
             if now - self.head * BIN_S > 2 * KEPT_S:
                 self.head = int(now / BIN_S) - self.size
@@ -95,21 +93,17 @@ class Ring:
             self.head += 1
 
     def since(self, first: int) -> bytes:
-        """The closed bins from number `first` on, as far as kept."""
         first = max(first, self.head - self.size, 0)
         return packed(first, first * BIN_S, BIN_S, self.bins[:, np.arange(first, self.head) % self.size])
 
 
 class Samples:
-    """All samples of a log's lines, 20 bytes each."""
-
     def __init__(self, feed: LineFeed) -> None:
         self.feed = feed
         self._times = [array("d") for _ in feed.lines]
         self._values = [array("f") for _ in feed.lines]
 
     def add(self, time_s: float, name: str, last: dict[str, dict[str, float]]) -> None:
-        """Add a good frame, not earlier than the one before."""
         for number, low, high in self.feed.values(name, last):
             self._times[number].append(time_s)
             self._values[number].extend((low, high))
@@ -141,11 +135,9 @@ def _spans(times: NDArray[np.float64], pairs: Array, edges: NDArray[np.float64],
     return found
 
 
-BUSY_S: Final = 0.02
-"""Longest time to read frames for one picture; further frames wait for the next one."""
+BUSY_S: Final = 0.02  # Longest time to read frames for one picture; further frames wait for the next one
 QUIET_S: Final = 0.5  # without a frame, after which the page reports it
-AWAY_S: Final = 0.25
-"""After such a pause of this process the queue of a bus may have overflowed."""
+AWAY_S: Final = 0.25  # After such a pause of this process the queue of a bus may have overflowed
 SNAPSHOTS: Final = 2000  # of a log's state at most
 LOG_EVENTS: Final = 5000  # of a log that are kept
 SHORTEST_S: Final = 0.1  # between two snapshots

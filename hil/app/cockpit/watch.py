@@ -16,10 +16,8 @@ from hil.nodes.operator_sender import OperatorAnswer, steering_words
 from hil.nodes.receive import HEARTBEAT_LOST_S, refusal_cause
 from models.words.quantities import DASH, fixed, quantity
 
-KEPT: Final = 200
-"""Most events kept while a bus is watched, and most kinds of refusals that become an event."""
-SILENT_S: Final = 2 * HEARTBEAT_LOST_S
-"""A node whose heartbeat is older than this is silent."""
+KEPT: Final = 200  # Most events kept while a bus is watched, and most kinds of refusals that become an event
+SILENT_S: Final = 2 * HEARTBEAT_LOST_S  # A node whose heartbeat is older than this is silent
 BURST_S: Final = 0.5  # within which the same refusal is one event
 _LOAD_S: Final = 1.0  # over which the bus load is averaged
 _FRESH: Final = 10  # cycles, within which a value is current
@@ -100,7 +98,6 @@ class FrameWatch:
         return None if late else self.last[name]
 
     def steering(self) -> OperatorAnswer | None:
-        """The controller's newest answer to setpoints, None where it sends none."""
         values = self.newest(STATUS)
         if values is None:
             return None
@@ -130,7 +127,6 @@ class FrameWatch:
         return [*self.reception.receivers.values(), *self._setpoints.values()]
 
     def _nodes(self) -> list[dict[str, Any]]:
-        """All nodes that were heard; a drive with the state of its feedback."""
         found = []
         for name in [n for n in self.at if n.endswith(_BEAT)]:
             node = name.removesuffix(_BEAT)
@@ -157,7 +153,6 @@ class FrameWatch:
         return heartbeat == "ControllerHeartbeat" and self.state(heartbeat) in ("stopping", "fault")
 
     def _model(self) -> dict[str, Any]:
-        """The state of the monitor, and which model is in use."""
         health, wanted = self.last.get("ModelHealth"), self.last.get("WantedMotion")
         number = int(wanted["Model"]) if wanted else 0
         if health is None:

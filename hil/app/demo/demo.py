@@ -36,7 +36,7 @@ EXAMPLES: Final[tuple[Example, ...]] = (*PRINTED, NEXT_RECORD, *LOOPS, LEARNING)
 
 
 def demo(
-    out: Annotated[Path, option("--out", "DIR", "Folder for the reports.")] = Path("out/demo"),
+    out: Annotated[Path, option("--out", "DIR")] = Path("out/demo"),
     json_output: Json = False,
     seed: Seed = 0,
 ) -> None:
@@ -170,7 +170,6 @@ def _begin(example: Example, folder: Path, seed: int) -> tuple[BaseProcess, Conn
 
 
 def _tell(example: Example, folder: Path, seed: int, words: Connection) -> None:
-    """In the example's process: send progress, then the result or the error."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with output_to_notes():
@@ -185,9 +184,7 @@ def _tell(example: Example, folder: Path, seed: int, words: Connection) -> None:
 
 @contextlib.contextmanager
 def example_progress(names: Sequence[str]) -> Iterator[Reporter]:
-    """Show progress on standard error: one bar for all examples on a terminal, else a line for each new stage of each.
-    Yields `report(name, stage, share)`.
-    """
+    """Progress on standard error: one bar on a terminal, else lines. Yields `report(name, stage, share)`."""
     console, shares = notes(), dict.fromkeys(names, 0.0)
     lines = cache(lambda name: stage_lines(console, name))
     with progress_bar("demo") if console.is_terminal else contextlib.nullcontext() as bar:

@@ -101,7 +101,6 @@ def title_of(example: Example) -> str:
 def found_in(
     records: list[Path], holdout: list[Path], rig: Rig, folder: Path, seed: int, report: Progress
 ) -> tuple[Finding, Model]:
-    """Close the loop on files and write its results to `folder`."""
     finding, model = close(rig, *read_series(records, holdout, rig), report, seed=seed)
     write_files({folder / name: content for name, content in result_files(finding, model).items()})
     return finding, model
@@ -117,7 +116,6 @@ class PrintedExample:
     caution: Callable[[Finding], str] | None = None
 
     def run(self, folder: Path, seed: int, report: Progress) -> ExampleResult:
-        """Records and rig file, then the loop."""
         record = folder / f"{self.measured}.csv"
         write_files({folder / RIG: self.rig, record: measured_path(self.measured).read_bytes()})
         finding = found_in([record], [], read_rig(folder / RIG), folder, seed, report)[0]
@@ -147,9 +145,7 @@ class NextRecordExample:
     further_s: float
 
     def run(self, folder: Path, seed: int, report: Progress) -> ExampleResult:
-        """Both loops. `folder` gets scenario and record of every run, the rig file and what the second writes, its
-        folder `before` what the first does.
-        """
+        """Both loops; `folder` gets all files of the second, its folder `before` those of the first."""
         raw = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
         first = raw["scenario"].get("seed", 0) + SEEDS * seed
         write_files({folder / RIG: toml_text(BELIEVED["pull"].tables())})

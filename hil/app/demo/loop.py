@@ -1,6 +1,4 @@
-"""The loops of the demo: drive over the bus, log, find what the model lacks, accept a model, drive again with it; and a
-run that learns.
-"""
+"""The demo's loops: drive over the bus, log, identify, accept a model, drive again with it; and a run that learns."""
 
 import json
 import tomllib
@@ -24,7 +22,7 @@ from hil.log.log import LockstepLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
 from hil.report.numbers import report_json
-from models.files.toml import toml_text
+from models.files.toml import beside, toml_text
 from models.identification import Model
 from models.identification.finding import STAGES, Finding
 from models.rigs.reader import read_rig
@@ -51,7 +49,6 @@ class LoopExample:
     holdout: Tables
 
     def runs(self, seed: int) -> dict[str, Tables]:
-        """The scenario's tables by name of the run."""
         mission: Tables = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
         first = mission["scenario"].get("seed", 0) + SEEDS * seed
         driven = {**{f"train_{k}": one for k, one in enumerate(self.training, start=1)}, HOLDOUT: self.holdout}
@@ -100,7 +97,6 @@ def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Ac
 
 
 def _drive(folder: Path, name: str, tables: Tables, values: Theta, stage: str, log_name: str) -> tuple[Mission, Path]:
-    """A run of the scenario `name` over the bus under the model `values`, logged."""
     scenario = parse_sil_scenario(tables)
     loop, log_path = scenario.loop, folder / f"{log_name}.blf"
     text = (folder / f"{name}.toml").read_text(encoding="utf-8")
@@ -114,10 +110,9 @@ def _drive(folder: Path, name: str, tables: Tables, values: Theta, stage: str, l
     return Mission(numbers, t, rows[:, at.O_X], loop.reference.position(t)), log_path
 
 
-_TABLES: Final = tomllib.loads(Path(__file__).with_name("loops.toml").read_text(encoding="utf-8"))
 LOOPS: Final = tuple(
     LoopExample(name, SCENARIOS / table["scenario"], table["training"], table["holdout"])
-    for name, table in _TABLES.items()
+    for name, table in beside(__file__, "loops.toml").items()
 )
 
 
@@ -129,7 +124,6 @@ class LearningExample:
     scenario: Path
 
     def run(self, folder: Path, seed: int, report: Progress) -> Learned:
-        """The run, its page and its numbers."""
         raw = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
         number = raw["scenario"].get("seed", 0) + SEEDS * seed
         tables = {**raw, "scenario": {**raw["scenario"], "seed": number}}

@@ -94,7 +94,6 @@ def _line(example: Example, one: ExampleResult) -> dict[str, Any]:
 
 
 def truth_rows(one: ExampleResult) -> list[list[str]]:
-    """The numbers that the simulated rig hid beside those that were found."""
     rows: dict[tuple[str, str], list[str]] = {}
     for name, numbers in one.truth.items():
         for key, value in numbers.items():
@@ -112,7 +111,6 @@ def truth_rows(one: ExampleResult) -> list[list[str]]:
 
 
 def improvement_figure(loops: Sequence[Line]) -> go.Figure:
-    """Bars by stage, two panels a loop: error of the prediction and of the tracking."""
     shown: list[tuple[str, dict[str, float]]] = []
     for example, one in loops:
         factor, unit = error_scale(one.finding)
@@ -135,7 +133,6 @@ def improvement_figure(loops: Sequence[Line]) -> go.Figure:
 
 
 def residuals_figure(finding: Finding) -> go.Figure | None:
-    """Measured minus predicted over position and speed, before and after."""
     before, after = ("calibrated", "augmented") if finding.effects else ("nominal", "calibrated")
     drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]
     kept = [replace(p, signals={name: values for name, values in p.signals.items() if name in SIGNALS}) for p in drawn]
@@ -143,7 +140,6 @@ def residuals_figure(finding: Finding) -> go.Figure | None:
 
 
 def mission_figure(missions: Mapping[str, Mission]) -> go.Figure:
-    """The reference, the path under each model, and its error."""
     figure = axes("time in s", ("position in mm", "error in mm"), 560)
     first = next(iter(missions.values()))
     line(figure, first.time_s, 1e3 * first.reference_m, "reference", {"color": MUTED, "width": 3.0}, points=3000)

@@ -1,6 +1,4 @@
-"""`capsule design`: the linearised rig, tuned PID and LQR on it, their margins with delay, and whether they hunt; for
-an inner mass its resonance, gears and slow loop.
-"""
+"""`capsule design`: the linearised rig, PID and LQR, margins, hunting; of an inner mass resonance, gears, slow loop."""
 
 import math
 from dataclasses import asdict
@@ -37,15 +35,14 @@ SPEEDS_MM_S, LONGEST_DELAY_MS = (0.01, 100.0), 200.0  # that may be asked for, a
 
 
 def design(
-    rig: Annotated[Path, argument("RIG.toml", "A rig of kind magnetic, coil or vibro.", "rig file")],
+    rig: Annotated[Path, argument("RIG.toml", reads="rig file")],
     model: LearnedModel = None,
     stage: Stage = "augmented",
-    out: Annotated[Path | None, option("--out", "DIR", "Draw the plots into this folder.")] = None,
-    speed_mm_s: Annotated[float, option("--speed", "MM_S", "Speed in mm/s to linearise at.")] = 1.0,
-    delay_ms: Annotated[float, option("--delay", "MS", "Age of a measurement in ms when the command acts.")] = 15.0,
+    out: Annotated[Path | None, option("--out", "DIR")] = None,
+    speed_mm_s: Annotated[float, option("--speed", "MM_S")] = 1.0,
+    delay_ms: Annotated[float, option("--delay", "MS")] = 15.0,
     json_output: Json = False,
 ) -> None:
-    """Design for the rig of a file, with the numbers of a model where one is given."""
     belief = read_deployed_rig(rig)
     check_word(stage, "--stage", STAGES)
     values = Theta() if model is None else read_model(model, belief.kind).believed(stage)
@@ -109,16 +106,13 @@ def design_json(found: Study, unit: str) -> dict[str, Any]:
 
 
 def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroStudy:
-    """The study with the controller's drive map, designed once for each model. Without `optimise` it has square waves
-    alone.
-    """
+    """The study with the controller's drive map; without `optimise` it has square waves alone."""
     if not 0 <= delay_s <= 0.2:
         raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
     return vibro_study(model, designed(model, optimise), speed_map(Cycles(model)), delay_s)
 
 
 def vibro_json(found: VibroStudy) -> dict[str, Any]:
-    """What the study found, SI."""
     low, high = found.drive.reach()
     own = ("home_m_s", "slowest_m_s", "fastest_m_s", "impact")
     return {
@@ -146,7 +140,6 @@ def vibro_json(found: VibroStudy) -> dict[str, Any]:
 
 
 def vibro_lines(found: VibroStudy) -> list[str]:
-    """Resonance, reach and gears, a line each."""
     own, (low, high) = found.resonance, found.drive.reach()
     resonance = TEXT("vibro.resonance", held=own.held_Hz, free=own.free_Hz, damping=own.damping)
     if math.isfinite(own.contact_s):
@@ -166,7 +159,6 @@ def vibro_lines(found: VibroStudy) -> list[str]:
 
 
 def vibro_tables(found: VibroStudy) -> tuple[Table, Table]:
-    """Costs and margins."""
     heads = ("mm/s", "", "impact", "mJ/mm", "period in ms", "duty", "amplitude", "goes at mm/s")
     costs = text_table(TEXT("title.costs"), heads, ("", "impact"))
     for speed, waves in found.alternatives.items():
@@ -189,7 +181,6 @@ def vibro_tables(found: VibroStudy) -> tuple[Table, Table]:
 
 
 def vibro_html(found: VibroStudy, name: str) -> str:
-    """The page, complete in itself."""
     own = [Drawn("Square waves over their frequency", period_figure(found)), Drawn("Gears", gear_figure(found))]
     head = TEXT("title.vibro_page", name=name, delay=found.delay_s)
     return page_html(head, vibro_lines(found), vibro_tables(found), [*own, *loop_figures(found.loops)])
@@ -207,7 +198,6 @@ def period_figure(found: VibroStudy) -> go.Figure:
 
 
 def gear_figure(found: VibroStudy) -> go.Figure:
-    """The waveform of every gear at its own speed."""
     figure = axes("t in ms", "share of the coil's force", 360)
     for k, gear in enumerate(found.drive.gears):
         wave = gear.waveform(gear.home_m_s)

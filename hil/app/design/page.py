@@ -29,7 +29,6 @@ class Drawn:
 
 
 def design_html(found: Study, plant: ControlModel, name: str) -> str:
-    """The page, complete in itself."""
     head = TEXT("title.page", name=name, speed=found.speed_m_s, delay=found.delay_s)
     balance = Drawn("Harmonic balance", balance_figure(found), balance_lines(found), TEXT("balance.note"))
     figures = [*loop_figures(found.loops), Drawn("Stick and slip", run_figure(found)), balance]
@@ -37,7 +36,6 @@ def design_html(found: Study, plant: ControlModel, name: str) -> str:
 
 
 def loop_figures(loops: Sequence[OpenLoop]) -> list[Drawn]:
-    """What is drawn of linear loops."""
     return [
         Drawn("Open loop (Bode)", bode_figure(loops)),
         Drawn("Open loop (Nyquist)", nyquist_figure(loops)),
@@ -61,14 +59,12 @@ def page_html(head: str, lines: Sequence[str], tables: Sequence[Table], figures:
 
 
 def _look(loops: Sequence[OpenLoop], loop: OpenLoop) -> tuple[str, dict[str, str]]:
-    """Name of a loop's line, and its colour and dash."""
     names = list(dict.fromkeys(item.name for item in loops))
     dash = "solid" if loop.phase == "stick" else "dash"
     return f"{loop.name}, {loop.phase}", {"color": line_colour(names.index(loop.name)), "dash": dash}
 
 
 def bode_figure(loops: Sequence[OpenLoop]) -> go.Figure:
-    """Gain and phase of every open loop, delay included."""
     figure = axes("frequency in Hz", ("|L| in dB", "phase in deg"), 520)
     for loop in loops:
         phase = np.degrees(np.unwrap(np.angle(loop.L)))
@@ -80,7 +76,6 @@ def bode_figure(loops: Sequence[OpenLoop]) -> go.Figure:
 
 
 def nyquist_figure(loops: Sequence[OpenLoop]) -> go.Figure:
-    """Every open loop near -1."""
     figure = axes("real part of L", "imaginary part of L", 520)
     for loop in loops:
         near = np.abs(loop.L) < 6
@@ -100,9 +95,7 @@ def sensitivity_figure(loops: Sequence[OpenLoop]) -> go.Figure:
 
 
 def balance_figure(found: Study) -> go.Figure:
-    """Gain of friction and controller where their phase is -180 deg, and that frequency, over the amplitude; the cycles
-    that the harmonic balance finds stand at 0 dB.
-    """
+    """Gain of friction and controller at -180 deg and that frequency, over the amplitude; cycles stand at 0 dB."""
     titles, shares = ("|N G| in dB", "frequency in Hz"), [0.6, 0.4]
     figure = axes("amplitude in mm", titles, 520, row_heights=shares)
     for number, name in enumerate(found.laws()):
@@ -121,9 +114,7 @@ def balance_figure(found: Study) -> go.Figure:
 
 
 def crossings(loop: Complex, omega: Array) -> tuple[Array, Array]:
-    """The largest gain at a phase of -180 deg and its frequency in Hz for each row of `loop` (a, w) over `omega` (w,);
-    NaN where the phase is never that.
-    """
+    """Largest gain at -180 deg and its frequency in Hz by row of `loop` (a, w) over `omega` (w,); NaN: never."""
     now, then = loop[:, :-1], loop[:, 1:]
     crossed = (now.imag * then.imag <= 0) & (now.real < 0) & (then.real < 0)
     apart = now.imag - then.imag
@@ -136,7 +127,6 @@ def crossings(loop: Complex, omega: Array) -> tuple[Array, Array]:
 
 
 def pole_figure(loops: Sequence[OpenLoop]) -> go.Figure:
-    """Poles of the closed loops in the discrete plane; stable inside the circle."""
     figure = axes("real part of z", "imaginary part of z", 480)
     for loop in loops:
         name, look = _look(loops, loop)
@@ -146,7 +136,6 @@ def pole_figure(loops: Sequence[OpenLoop]) -> go.Figure:
 
 
 def _with_circle(figure: go.Figure, dash: str) -> go.Figure:
-    """The unit circle."""
     turn, look = np.linspace(0, 2 * math.pi, 200), {"color": MUTED, "width": 1, "dash": dash}
     return figure.add_scatter(
         x=np.cos(turn), y=np.sin(turn), mode="lines", line=look, showlegend=False, hoverinfo="skip"
@@ -154,7 +143,6 @@ def _with_circle(figure: go.Figure, dash: str) -> go.Figure:
 
 
 def run_figure(found: Study) -> go.Figure:
-    """Position error of every controller on set-valued friction: slow motion and hold."""
     figure = make_subplots(rows=1, cols=2, subplot_titles=[f"{1e3 * found.speed_m_s:g} mm/s", "stop and hold"])
     for number, (name, parts) in enumerate(found.runs.items()):
         for column, (part, run) in enumerate(parts.items(), start=1):

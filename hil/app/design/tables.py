@@ -21,7 +21,6 @@ MARGINS: Final = ("gain", "phase in deg", "more delay in ms", "sensitivity")
 
 
 def words_of(found: Study, plant: ControlModel) -> list[str]:
-    """Poles and gains, a line each."""
     poles = [
         TEXT("poles", speed=found.speed_m_s, phase=linear.phase, poles=", ".join(map(_complex, linear.rates())))
         for linear in found.plants
@@ -30,7 +29,6 @@ def words_of(found: Study, plant: ControlModel) -> list[str]:
 
 
 def balance_lines(found: Study) -> list[str]:
-    """What the harmonic balance gives, a line for each controller."""
     return [TEXT("balance.line", name=name, words=_balance_words(one)) for name, one in found.balances().items()]
 
 
@@ -64,12 +62,10 @@ def margin_table(found: Study) -> Table:
 
 
 def margin_numbers(m: Margins) -> tuple[float, float, float, float]:
-    """What stands under `MARGINS`."""
     return m.gain, m.phase_deg, 1e3 * m.delay_s, m.sensitivity_peak
 
 
 def cycle_table(found: Study) -> Table:
-    """Limit cycles of each controller under set-valued friction, a row for a run."""
     heads = ("", "run", "peak to peak in µm", "period in s", "rms in µm", "hunts")
     table = text_table(TEXT("title.cycles"), heads, ("", "run"))
     for name, parts in found.cycles().items():
@@ -94,7 +90,6 @@ def gains_json(pid: Pid, lqr: Gains, unit: str) -> dict[str, Any]:
 
 
 def gains_words(pid: Pid, lqr: Gains, model: ControlModel) -> list[str]:
-    """Lines for the designed gains, and for those of the controllers that run."""
     unit, drive = command_unit(model), driven_of(model.drive)
     own = {"command": model.drive.commanded, "unit": unit, "filter": pid.filter_s}
     pids = {"pid": drive.pid, "pid_friction": drive.pid_friction, TEXT("fallbacks"): drive.pid_estimated}
@@ -115,7 +110,6 @@ def _feedback(gains: Gains, unit: str) -> str:
 
 
 def _per(unit: str, state: str) -> str:
-    """Unit of a gain on `state`."""
     if state == "v":
         return f"{unit} s/m"
     return f"{unit}/{'m' if state == 'x' else state.rpartition('_')[2]}"

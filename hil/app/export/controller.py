@@ -17,6 +17,7 @@ from controller.step.compiled import compiled
 from controller.step.daqp_sources import daqp_sources
 from controller.step.library import DAQP_FILES, compiler, sources_of
 from controller.step.numbers import CHAINS, Numbers, numbers_of
+from hil.app.console import note
 from hil.app.export.native_node import node_sources
 from hil.app.export.ticks import closed_loop, logged
 from hil.app.scenario.deployment import Deployment, load_deployment
@@ -76,12 +77,15 @@ def exported(asked: Asked, known: Catalogue) -> tuple[dict[str, str | bytes], di
         numbers = numbers_of(name, model, envelope, particles=asked.particles or PARTICLES, horizon=horizon)
         sources = _sources(numbers, asked)
         files = {**sources, **_daqp(numbers, asked)}
+        daqp_sources()  # without which nothing runs in C here
         found = compiled(name, model, envelope, numbers)
         if found is None:
             raise ValueError(TEXT("controller.compiler"))
         ticks = logged(closed_loop(deployment, asked.path), model, name, found.library)
     if not asked.alone:
         files |= {f"node/{file}": text for file, text in node_sources(deployment, envelope).items()}
+        if deployment.drive is not None or deployment.bus.key_file:
+            note(TEXT("controller.frames"))
     sizes = _sizes(sources)
     words = _words(asked, deployment, numbers, envelope, files) | {
         "ticks": str(ticks.count("\n") - 1),
@@ -147,11 +151,13 @@ def _sizes(sources: Mapping[str, str]) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class _Tolerance:
-    """How near to the log, in the command's unit or an estimator's m: `near` in the first `ticks`, `scale` later."""
+    """How near to the log, in the command's unit or an estimator's m: `near` in the first `ticks`, `scale` later.
+    The fewer particles there are, the sooner rounding decides which are drawn again.
+    """
 
     near: float = 0.0
     scale: float = 0.0
-    ticks: int = 250
+    ticks: int = 200
 
     @classmethod
     def of(cls, asked: Asked, envelope: Envelope) -> "_Tolerance":
@@ -159,7 +165,7 @@ class _Tolerance:
         if not asked.single:
             return cls()
         scale = envelope.around_m if asked.alone or envelope.placed else envelope.high
-        return cls(_NEAR * scale, scale)
+        return cls(_NEAR * scale, scale, round(cls.ticks * min(1.0, (asked.particles or PARTICLES) / PARTICLES)))
 
     @property
     def words(self) -> str:

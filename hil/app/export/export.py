@@ -1,5 +1,6 @@
 """`capsule export`: a plant or a found model as an FMU, a friction table, a MuJoCo body; a controller as C."""
 
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -112,7 +113,7 @@ def _in_c(
         check_folder(folder, "--out")
     write_files(contents)
     found = {"form": asked.form, "files": [str(target) for target in contents], **facts}
-    answer(json_output, found, TEXT("written", form=asked.form, out=out, **facts))
+    answer(json_output, found, TEXT("written", form=asked.form, out=shlex.quote(str(out)), **facts))
 
 
 def _validity(found: Found, form: str) -> dict[str, Any]:

@@ -16,10 +16,8 @@ from models.theta import Theta
 from models.workers import end_with_parent
 
 NICE: Final = 19  # the lowest priority
-READY_S: Final = 60.0
-"""Longest wait for its start before the first tick."""
-CLOSED_S: Final = 2.0
-"""Longest wait for the end of a process that has been killed."""
+READY_S: Final = 60.0  # Longest wait for its start before the first tick
+CLOSED_S: Final = 2.0  # Longest wait for the end of a process that has been killed
 _SPAWN: Final = get_context("spawn")
 
 
@@ -40,7 +38,6 @@ class Background:
         self._keeper.submit(self._start).exception()
 
     def __call__(self, question: LearningQuestion) -> Future[LearningAnswer]:
-        """Ask; the answer comes at any time."""
         return self._keeper.submit(self._ask, question)
 
     def __enter__(self) -> Self:
@@ -122,9 +119,7 @@ def _end_words(code: int) -> str:
 
 
 def _work(pipe: Connection) -> None:
-    """Answer with lowest priority, without reaction to Ctrl-C (which asks the controller for a stop), and end with the
-    parent.
-    """
+    """Answer with lowest priority, deaf to Ctrl-C, which asks the controller for a stop; end with the parent."""
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     end_with_parent()

@@ -33,26 +33,17 @@ from models.words.sentences import Quantity, Sentences
 
 TEXT: Final = Sentences(__file__)
 T = TypeVar("T")
-Motion = tuple[tuple[float, ...], tuple[float, ...]]
-"""Times in s and positions in m from 0 on."""
-KNOWN: Final = 0.01
-"""Relative standard deviation with which the base parameters of a model that held are known."""
-BELIEVED: Final = 0.05
-"""The same while a model is fitted to what was measured before it broke."""
+Motion = tuple[tuple[float, ...], tuple[float, ...]]  # Times in s and positions in m from 0 on
+KNOWN: Final = 0.01  # Relative standard deviation with which the base parameters of a model that held are known
+BELIEVED: Final = 0.05  # The same while a model is fitted to what was measured before it broke
 _ROUNDS = 4  # of the iteration for the noise
 _AS_STATED = 1.05  # rms of the residuals in units of the noise, up to which the noise is accepted
 LEAD_S: Final = 8.0
-"""A record is simulated from this long before its first row that counts, as the gap of the magnet and the stretch of
-the wall depend on the motion before.
-"""
-HELD_S: Final = 10.0
-"""Shortest time before the break from which the residual of the model is taken."""
-ONE: Final = 1
-"""Effects that one answer searches for; the next answer starts from the model with it."""
-PARTLY: Final = 0.5
-"""Largest share of the present held-out error that a model with the verdict `unknown` may have."""
-STEP_M: Final = 1e-3
-"""Length of wall over which the residual counts as one value."""
+"""A record is simulated from this long before its first row that counts: gap and stretch depend on the past."""
+HELD_S: Final = 10.0  # Shortest time before the break from which the residual of the model is taken
+ONE: Final = 1  # Effects that one answer searches for; the next answer starts from the model with it
+PARTLY: Final = 0.5  # Largest share of the present held-out error that a model with the verdict `unknown` may have
+STEP_M: Final = 1e-3  # Length of wall over which the residual counts as one value
 LEAST: Final = 20  # readings that make such a value
 
 
@@ -221,9 +212,7 @@ def _known(kind: AnyKind, values: Theta, base: float, effects: float) -> Known:
 
 
 def _refitted(rig: Rig, before: Record, in_use: Theta) -> Theta:
-    """The parameters `in_use` with a base fitted to the record `before`, within `BELIEVED`, so that an uneven wall does
-    not distort it.
-    """
+    """The parameters `in_use`, their base fitted to the record `before` within `BELIEVED`."""
     plain = kind_for(rig, [before])
     kind = kind_for(rig, [before], _known(plain, in_use, np.inf, BELIEVED))
     start = kind.nominal() | in_use
@@ -233,9 +222,7 @@ def _refitted(rig: Rig, before: Record, in_use: Theta) -> Theta:
 
 
 def _as_noisy(rig: Rig, record: Record, theta: Theta) -> Rig:
-    """`rig` with its noise raised to the residual of `record`, in a few rounds, as the averages that judge noise grow
-    with it.
-    """
+    """`rig` with its noise raised to the residual of `record`, in rounds: averages that judge noise grow with it."""
     for _ in range(_ROUNDS):
         kind = kind_for(rig, [record])
         assert isinstance(kind, SeriesKind)

@@ -27,8 +27,7 @@ from models.rigs.rig import Rig
 from models.theta import Theta
 
 Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
-Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
-"""Runs a long computation, beside the ticks or at once."""
+Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]  # Runs a long computation, beside the ticks or at once
 STROKES: Final = ((1.0, 1.0), (-1.0, 0.5), (0.5, 2.0), (-0.5, 2.0), (0.5, 0.5), (0.0, 1.0))
 """Strokes one after the other, each with a rest: its end as a share of the reach, its speed as a share."""
 REST_S: Final = 0.5  # after each motion
@@ -182,7 +181,6 @@ class Learner:
 
     @property
     def record(self) -> dict[str, Any]:
-        """What a replay needs, for the record beside a log."""
         return {
             "learned": [one.document() for one in self.offers],
             "experiments": [one.document() for one in self.experiments],
@@ -226,11 +224,9 @@ class Learner:
 
     @property
     def _rms_m(self) -> float:
-        """The tracking error of the newest `trial_s`."""
         return math.sqrt(max(self._sum, 0.0) / len(self._squares)) if self._squares else math.nan
 
     def _reference_s(self, at: float) -> float:
-        """A time of the switch's clock in s of the reference."""
         origin = self.switch.origin_s
         return at - origin if math.isfinite(origin) else at
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from hil.app.papers.comparison import MISSES, MN, NOT_REPRODUCIBLE, Drawing, Plot, Row, row, slug
+from hil.app.papers.comparison import MN, Drawing, Plot, Row, row
 from models.laws.geometry import Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
 from models.laws.resistance import mucus_drag
@@ -41,7 +41,6 @@ class Setting:
 
     @classmethod
     def load(cls) -> Setting:
-        """Read the paper's parameter sets."""
         s = load_set("zhang2016_rig")
         capsule = Capsule(s["radius_m"], s["cylinder_length_m"])
         tissue = Tissue(
@@ -70,19 +69,16 @@ class Setting:
         return quasi_static_tension(self.wall, wall_section(self.capsule, self.tissue), stretched_length_m)
 
     def tooth(self, tension: Tension) -> Tooth:
-        """The tooth up to the stated amplitude at the paper's speeds."""
         return stick_slip_tooth(
             tension, self.amplitude, self.stated["capsule_speed_m_s"], self.stated["recoil_speed_m_s"]
         )
 
 
 def mean_of(column: str) -> float:
-    """Mean over the eight periods of paper A's Table 2."""
     return float(np.mean(load_measurement("analytical_table2_periods")[column]))
 
 
 def analytical_rows() -> Iterator[Row]:
-    """Every line about paper A."""
     a = Setting.load()
     for part in (_printed_curve, _derived_curve, _stated_forces, _deviations):
         yield from part(a)
@@ -90,58 +86,48 @@ def analytical_rows() -> Iterator[Row]:
 
 def _printed_curve(a: Setting) -> Iterator[Row]:
     tooth, s, small = a.tooth(a.printed()), a.stated, 1e-9
-    first, critical = s["initial_force_N"], s["critical_force_N"]
-    yield row("a_rise_printed", "s", tooth.rise_s, "reproduced", "printed", paper=s["rise_s"])
-    yield row("a_fall_printed", "s", tooth.fall_s, "reproduced", "printed", paper=s["fall_s"])
-    seen = mean_of("period_s")
-    yield row("a_period_printed", "s", tooth.period_s, "reproduced", "printed", paper=s["period_s"], measured=seen)
-    ratio = a.printed()(small) / a.derived(stretched_length(a.capsule))(small)
-    yield row("a_printed_wall_stiffness", "1", ratio, "misprint", "stiffer")
-    yield row("a_eq18_start", "mN", printed_force(1.0), "consistent", "eq18", paper=first)
-    start = load_set("zhang2016_printed_curve")["matrix_N"]
-    yield row("a_eq19_start", "mN", start, "misprint", "eq19", paper=critical)
-    yield row("a_tip_drag", "mm", tooth.drag_m, "check value", "tip_drag")
-    recovery = tooth.drag_m / s["recoil_speed_m_s"]
-    yield row("a_recovery_time", "s", recovery, "consistent", "recovery", paper=s["recovery_time_s"])
+    yield row("a_rise_printed", tooth.rise_s, paper=s["rise_s"])
+    yield row("a_fall_printed", tooth.fall_s, paper=s["fall_s"])
+    yield row("a_period_printed", tooth.period_s, paper=s["period_s"], measured=mean_of("period_s"))
+    yield row("a_printed_wall_stiffness", a.printed()(small) / a.derived(stretched_length(a.capsule))(small))
+    yield row("a_eq18_start", printed_force(1.0), paper=s["initial_force_N"])
+    yield row("a_eq19_start", load_set("zhang2016_printed_curve")["matrix_N"], paper=s["critical_force_N"])
+    yield row("a_tip_drag", tooth.drag_m)
+    yield row("a_recovery_time", tooth.drag_m / s["recoil_speed_m_s"], paper=s["recovery_time_s"])
 
 
 def _derived_curve(a: Setting) -> Iterator[Row]:
-    seen, miss = mean_of("period_s"), MISSES
+    seen = mean_of("period_s")
     for length in a.lengths:
-        tooth, at, L_s = a.tooth(a.derived(length)), slug(f"{1e3 * length:g}"), {"L_s": length}
-        period, error = f"a_period_law_{at}", f"a_period_error_law_{at}"
-        yield row(f"a_rise_law_{at}", "s", tooth.rise_s, "misprint", "division", words="a_rise_law", fill=L_s)
-        yield row(f"a_fall_law_{at}", "s", tooth.fall_s, "misprint", "division", words="a_fall_law", fill=L_s)
-        yield row(period, "s", tooth.period_s, miss, "missed", measured=seen, words="a_period_law", fill=L_s)
-        yield row(error, "%", tooth.period_s / seen - 1, miss, "missed", words="a_period_error_law", fill=L_s)
+        tooth, at = a.tooth(a.derived(length)), f"{1e3 * length:g}"
+        yield row("a_rise_law", tooth.rise_s, at, L_s=length)
+        yield row("a_fall_law", tooth.fall_s, at, L_s=length)
+        yield row("a_period_law", tooth.period_s, at, measured=seen, L_s=length)
+        yield row("a_period_error_law", tooth.period_s / seen - 1, at, L_s=length)
 
 
 def _stated_forces(a: Setting) -> Iterator[Row]:
-    s, valley, rig = a.stated, mean_of("valley_N"), (a.capsule, a.tissue, a.wall)
-    none, first, rise = NOT_REPRODUCIBLE, s["initial_force_N"], mean_of("peak_N") - valley
-    yield row("a_initial_force", "mN", initial_resistance(*rig), none, "forces", paper=first, measured=valley)
-    yield row("a_coulomb_limit", "mN", elastic_coulomb_limit(*rig), none, "forces", paper=a.amplitude, measured=rise)
+    s, valley, rig, first = a.stated, mean_of("valley_N"), (a.capsule, a.tissue, a.wall), a.stated["initial_force_N"]
+    yield row("a_initial_force", initial_resistance(*rig), paper=first, measured=valley)
+    rise = mean_of("peak_N") - valley
+    yield row("a_coulomb_limit", elastic_coulomb_limit(*rig), paper=a.amplitude, measured=rise)
     drag = mucus_drag(s["capsule_speed_m_s"], Tissue().mucus_thickness_m)
-    yield row("a_viscous_force", "mN", drag, "consistent", "garbled", paper=s["viscous_force_N"])
+    yield row("a_viscous_force", drag, paper=s["viscous_force_N"])
     for end in ("low", "high"):
-        mu, words = s[f"friction_coefficient_{end}"], "a_critical_force_friction"
+        mu = s[f"friction_coefficient_{end}"]
         force, stated = first + a.amplitude * mu / s["friction_coefficient"], s[f"critical_force_{end}_N"]
-        yield row(f"{words}_{end}", "mN", force, "reproduced", "friction", paper=stated, words=words, fill={"mu": mu})
+        yield row("a_critical_force_friction", force, end, paper=stated, mu=mu)
 
 
 def _deviations(a: Setting) -> Iterator[Row]:
-    """Deviations of Table 2; and how far the eight periods that a fit may use are from the thirty that the paper gives
-    as one number each.
-    """
+    """Deviations of Table 2; how far the eight periods are from the thirty that the paper gives as one number each."""
     s, period = a.stated, a.tooth(a.printed()).period_s
     for name, model in (("period", period), ("valley", s["initial_force_N"]), ("peak", s["critical_force_N"])):
-        off, stated = abs(mean_of(_COLUMNS[name]) / model - 1), s[f"{name}_deviation"]
-        key, words = f"a_deviation_{name}", "a_deviation"
-        yield row(key, "%", off, "reproduced", "deviation", paper=stated, words=words, fill={"name": name})
+        off = abs(mean_of(_COLUMNS[name]) / model - 1)
+        yield row("a_deviation", off, name, paper=s[f"{name}_deviation"], name=name)
     for name, means in thirty_periods().items():
         least, most = sorted(abs(mean_of(_COLUMNS[name]) / mean - 1) for mean in means)
-        fill = {"name": name, "least": least, "most": most}
-        yield row(f"a_hold_out_{name}", "%", least, "finding", "hold_out", words="a_hold_out", fill=fill)
+        yield row("a_hold_out", least, name, name=name, least=least, most=most)
 
 
 def thirty_periods() -> dict[str, tuple[float, float]]:

@@ -1,21 +1,18 @@
 """What the comparison with the papers consists of: rows of numbers, and figures with a caption."""
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Final
 
 import plotly.graph_objects as go
 from numpy.typing import ArrayLike
 
 from hil.report.theme import INK, styled
+from models.files.toml import beside
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
-CONSISTENT: Final = "consistent"
-NOT_REPRODUCIBLE: Final = "not reproducible"
-MISSES: Final = "misses the measurement"
+ROWS: Final = beside(__file__, "rows.toml")
 # how many of a unit an SI unit is
 _PER_SI = {"1": 1.0, "%": 100.0, "s": 1.0, "mm": 1e3, "mm/s": 1e3, "mN": 1e3, "N": 1.0, "Pa": 1.0, "MPa": 1e-6}
 COLOURS: Final = {"printed": "#0072b2", "derived": "#d55e00", "third": "#009e73", "fourth": "#cc79a7", "measured": INK}
@@ -38,23 +35,23 @@ class Row:
 
 def row(
     key: str,
-    unit: str,
     computed: float,
-    verdict: str,
-    note: str = "",
-    *,
+    *tail: object,
     paper: float | None = None,
     measured: float | None = None,
-    words: str = "",
-    fill: Mapping[str, Any] = MappingProxyType({}),
+    own: str = "",
+    differs: tuple[str, str, str] | None = None,
+    **fill: Any,
 ) -> Row:
-    """A `Row` from numbers in SI, shown in `unit`. Its quantity is the sentence `words`, else `key`; `note` names a
-    sentence, too; `fill` holds the values that go into both.
+    """The `Row` of `rows.toml` (unit, verdict and note where it `differs`) from numbers in SI; `fill` goes into its
+    sentences. Its id is `own`, else the key with the `tail`.
     """
-    stated, seen = (None if value is None else float(value) * _PER_SI[unit] for value in (paper, measured))
+    unit, verdict, note = differs or ROWS[key]
+    shown = (None if value is None else float(value) * _PER_SI[unit] for value in (paper, computed, measured))
+    stated, found, seen = shown
     said = TEXT(f"note.{note}", **fill) if note else ""
-    quantity = TEXT(f"quantity.{words or key}", **fill)
-    return Row(key, quantity, unit, stated, float(computed) * _PER_SI[unit], seen, verdict, said)
+    name = own or "_".join([key, *map(slug, map(str, tail))])
+    return Row(name, TEXT(f"quantity.{key}", **fill), unit, stated, found or 0.0, seen, verdict, said)
 
 
 def at_speed(speed_m_s: float) -> str:
@@ -68,28 +65,22 @@ def slug(words: str) -> str:
 
 @dataclass(frozen=True)
 class Drawing:
-    """One figure with its heading and the caption below it."""
-
     title: str
     caption: str
     figure: Any
 
 
 class Plot:
-    """A figure with titled axes, whose lines and points have the colours of `COLOURS`."""
-
     def __init__(self, x: str, y: str, height: int = 420, **layout: Any) -> None:
         self.figure: Any = styled(go.Figure(), height, margin={"l": 64, "r": 24, "t": 16, "b": 56})
         self.figure.update_layout(legend={"orientation": "h", "y": -0.22, "yanchor": "top", "x": 0}, **layout)
         self.figure.update_xaxes(title=x).update_yaxes(title=y)
 
     def line(self, x: ArrayLike, y: ArrayLike, name: str, colour: str, dash: str = "solid", **panel: int) -> None:
-        """Add a curve; `panel` names row and column where there are several."""
         look = {"color": COLOURS.get(colour, colour), "dash": dash, "width": 2}
         self.figure.add_scatter(x=x, y=y, name=name, mode="lines", line=look, **panel)
 
     def points(self, x: ArrayLike, y: ArrayLike, name: str, symbol: str = "circle", **options: Any) -> None:
-        """Add markers, by default those of a measurement."""
         marker = {"color": options.pop("colour", INK), "size": 9, "symbol": symbol}
         edge = {"line": {"color": "white", "width": 1}}
         self.figure.add_scatter(x=x, y=y, name=name, mode="markers", marker=marker | edge, **options)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from hil.app.papers.comparison import CONSISTENT, NOT_REPRODUCIBLE, TEXT, Drawing, Plot, Row, row
+from hil.app.papers.comparison import TEXT, Drawing, Plot, Row, row
 from models.laws.five_elements import (
     DynamicModulus,
     Reading,
@@ -35,9 +35,7 @@ def _complex(y: DynamicModulus) -> Complex:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """A law `Y = sum_k a_k basis_k(omega; shape)`, a_k >= 0 in Pa: linear in its moduli, nonlinear in a few shape
-    numbers.
-    """
+    """A law `Y = sum_k a_k basis_k(omega; shape)`, a_k >= 0 in Pa."""
 
     name: str
     basis: Callable[[Real, Real], Complex]
@@ -80,10 +78,8 @@ SPRINGPOT: Final = Spectrum("springpot", _springpot_basis, tuple((order,) for or
 
 
 def fit_spectrum(law: Spectrum, omega: Real, target: Complex) -> FittedSpectrum:
-    """The law that minimises `||Y - Y_law||` over samples and frequencies; `omega` in rad/s and `target` in Pa, same
-    shape (n,).
-
-    The moduli are solved for exactly at each shape (variable projection), the shape is searched from the best start.
+    """The law in Pa over omega in rad/s that minimises `||Y - Y_law||` over `omega` (n,) and `target` (n,): the moduli
+    are solved for exactly at each shape (variable projection), the shape is searched from the best start.
     """
 
     def cost(shape: Real) -> float:
@@ -119,7 +115,6 @@ class DmaTable:
 
     @classmethod
     def load(cls) -> DmaTable:
-        """Read the printed table."""
         t = load_measurement("viscoelastic_table2_dma")
         return cls(t["frequency_Hz"], t["sample"], t["storage_modulus_Pa"] + 1j * t["loss_modulus_Pa"])
 
@@ -129,7 +124,6 @@ class DmaTable:
 
     @property
     def omega(self) -> Real:
-        """The frequencies in rad/s."""
         return np.asarray(angular_frequency(self.frequency))
 
 
@@ -139,7 +133,6 @@ def best_scale(model: Complex, target: Complex) -> float:
 
 
 def dma_rows() -> Iterator[Row]:
-    """Every line about paper V's dynamic tests."""
     table = DmaTable.load()
     yield from _test(table)
     yield from _table3(table)
@@ -151,10 +144,10 @@ def _test(table: DmaTable) -> Iterator[Row]:
     s, stated = load_set("zhang2014_dma_test"), load_set("zhang2014_dma_test")["largest_deviation"]
     at_lowest = table.frequency == table.frequency.min()
     lowest, whole = largest_deviation(table, at_lowest), largest_deviation(table, np.ones_like(at_lowest))
-    yield row("v_dma_deviation_20_hz", "%", lowest, "reproduced", "samples", paper=stated)
-    yield row("v_dma_deviation_largest", "%", whole, "not reproducible", "largest", paper=stated)
+    yield row("v_dma_deviation_20_hz", lowest, paper=stated)
+    yield row("v_dma_deviation_largest", whole, paper=stated)
     speed = 4 * s["lowest_frequency_Hz"] * s["shear_strain"] * s["sample_side_m"]
-    yield row("v_dma_shear_speed_20_hz", "mm/s", speed, "reproduced", "shear", paper=s["shear_speed_m_s"])
+    yield row("v_dma_shear_speed_20_hz", speed, paper=s["shear_speed_m_s"])
 
 
 def largest_deviation(table: DmaTable, rows: NDArray[np.bool_]) -> float:
@@ -180,22 +173,21 @@ def residual_shares(table: DmaTable, fit: Complex) -> dict[tuple[float, str], tu
 
 
 def _table3(table: DmaTable) -> Iterator[Row]:
-    none, first, target = NOT_REPRODUCIBLE, table.sample == 1, table.modulus
+    first, target = table.sample == 1, table.modulus
     models = {reading: table.table3(reading) for reading in ("radians", "hertz")}
     for reading, model in models.items():
         for f in (20, 60):
-            at, key = first & (table.frequency == f), f"v_dma_tan_delta_{f}_{reading}"
+            at = first & (table.frequency == f)
             tangent, seen = (float((y[at].imag / y[at].real)[0]) for y in (model, target))
-            verdict = CONSISTENT if abs(tangent / seen - 1) < 0.05 else none
-            fill = {"f": f, "reading": TEXT(f"reading.{reading}")}
-            yield row(key, "1", tangent, verdict, "sample_1", measured=seen, words="v_dma_tan_delta", fill=fill)
+            differs = ("1", "consistent", "sample_1") if abs(tangent / seen - 1) < 0.05 else None
+            fill: dict[str, Any] = {"f": f, "reading": TEXT(f"reading.{reading}")}
+            yield row("v_dma_tan_delta", tangent, f, reading, measured=seen, differs=differs, **fill)
     at = first & (table.frequency == 20)
-    yield row("v_dma_modulus_scale", "1", float((target[at].real / models["radians"][at].real)[0]), none, "scale")
-    yield row("v_dma_error_table3", "%", relative_error(models["hertz"], target), none, "table3")
+    yield row("v_dma_modulus_scale", float((target[at].real / models["radians"][at].real)[0]))
+    yield row("v_dma_error_table3", relative_error(models["hertz"], target))
     for reading in ("hertz", "radians"):
         error = relative_error(best_scale(models[reading], target) * models[reading], target)
-        words, fill = "v_dma_error_table3_scaled", {"reading": TEXT(f"reading.{reading}")}
-        yield row(f"{words}_{reading}", "%", error, none, "table3", words=words, fill=fill)
+        yield row("v_dma_error_table3_scaled", error, reading, reading=TEXT(f"reading.{reading}"))
 
 
 def _refits(table: DmaTable) -> Iterator[Row]:
@@ -207,23 +199,20 @@ def _refits(table: DmaTable) -> Iterator[Row]:
             ("sample_out", left_out_error(law, omega, target, table.sample)),
             ("frequency_out", left_out_error(law, omega, target, table.frequency)),
         ):
-            fill = {"law": law.name}
-            yield row(f"v_dma_{key}_{out}", "%", error, "finding", "refit", words=f"v_dma_{out}", fill=fill)
+            yield row(f"v_dma_{out}", error, own=f"v_dma_{key}_{out}", law=law.name)
     mean = np.array([target[table.frequency == f].mean() for f in table.frequency])
-    yield row("v_dma_sample_spread", "%", relative_error(mean, target), "finding", "spread")
+    yield row("v_dma_sample_spread", relative_error(mean, target))
     fit = fits[FIVE_ELEMENTS.name]
     dip = (target.real / fit.real - 1)[table.frequency == _DIP_HZ]
     shares = residual_shares(table, fit)
-    least_most = {"least": dip.max(), "most": dip.min(), "share": shares[_DIP_HZ, "storage"][1]}
-    yield row("v_dma_storage_dip_40_hz", "%", float(dip.mean()), "finding", "dip", fill=least_most)
+    least_most: dict[str, Any] = {"least": dip.max(), "most": dip.min(), "share": shares[_DIP_HZ, "storage"][1]}
+    yield row("v_dma_storage_dip_40_hz", float(dip.mean()), **least_most)
     for f, name in ((50.0, "storage"), (50.0, "loss"), (60.0, "loss")):
         off, share = shares[f, name]
-        where = {"name": name, "f": f, "share": share}
-        yield row(f"v_dma_{name}_{f:g}_hz", "%", off, "finding", "share", words="v_dma_refitted", fill=where)
+        yield row("v_dma_refitted", off, own=f"v_dma_{name}_{f:g}_hz", name=name, f=f, share=share)
 
 
 def moduli_drawing() -> Drawing:
-    """Table 2: the dynamic moduli, and three laws through them."""
     table = DmaTable.load()
     plot = Plot("frequency, Hz", "modulus, kPa", 500)
     for name, symbol, part in (("storage", "circle", np.real), ("loss", "diamond-open", np.imag)):

@@ -36,7 +36,7 @@ PAGE_NAME = "seeds.html"
 
 def seeds(
     json_output: Json = False,
-    plot: Annotated[Path | None, option("--plot", "DIR", "Draw the papers' figures into this folder.")] = None,
+    plot: Annotated[Path | None, option("--plot", "DIR")] = None,
 ) -> None:
     """Print the table, or the list `rows` as JSON; draw the figures.
 
@@ -58,7 +58,6 @@ def seeds(
 
 
 def seed_rows() -> list[Row]:
-    """Every row, computed now."""
     return [*analytical_rows(), *flat_car_rows(), *viscoelastic_rows(), *dma_rows(), *base_rows(), *two_speeds_rows()]
 
 
@@ -94,7 +93,6 @@ def drawings() -> list[Drawing]:
 
 
 def write_page(folder: Path) -> Path:
-    """Write `seeds.html` into `folder`, which is made if needed, and return its path."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / PAGE_NAME
     write_files({path: page("seeds.html.j2", drawings=drawings())})
@@ -111,7 +109,6 @@ def base_cycle(speed_m_s: float) -> Cycle:
 
 
 def two_speeds_rows() -> Iterator[Row]:
-    """Period, valley and peak at both speeds."""
     measured = {
         SLOW: (mean_of("period_s"), mean_of("valley_N"), mean_of("peak_N")),
         FAST: (float(np.mean(measured_teeth("period"))), *measured_band()),
@@ -120,15 +117,12 @@ def two_speeds_rows() -> Iterator[Row]:
         cycle, at = base_cycle(v), at_speed(v)
         computed = {"period": cycle.tooth.period_s, "valley": cycle.valley, "peak": cycle.peak}
         for (name, value), seen in zip(computed.items(), values, strict=True):
-            key, unit = f"base_{name}_{slug(at)}", "s" if name == "period" else "mN"
-            fill = {"name": name, "at": at}
-            yield row(
-                key, unit, value, "misses the measurement", "two_speeds", measured=seen, words="base_cycle", fill=fill
-            )
+            differs = ("s", "misses the measurement", "two_speeds") if name == "period" else None
+            own = f"base_{name}_{slug(at)}"
+            yield row("base_cycle", value, measured=seen, own=own, differs=differs, name=name, at=at)
 
 
 def two_speeds_drawing() -> Drawing:
-    """Period, valley and peak over speed."""
     plot = Plot("", "")
     plot.figure.set_subplots(rows=1, cols=2)
     speeds = np.geomspace(0.3e-3, 20e-3, 60)

@@ -1,6 +1,4 @@
-"""Paper V: force against speed, friction coefficient, the moduli over strain, its Fig. 5, 7 and 9; and the base
-model's check values.
-"""
+"""Paper V: force over speed, friction coefficient, moduli over strain, Fig. 5, 7, 9; the base model's check values."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -8,20 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.app.papers.comparison import (
-    COLOURS,
-    CONSISTENT,
-    MISSES,
-    MN,
-    NOT_REPRODUCIBLE,
-    TEXT,
-    Drawing,
-    Plot,
-    Row,
-    at_speed,
-    row,
-    slug,
-)
+from hil.app.papers.comparison import COLOURS, MN, TEXT, Drawing, Plot, Row, at_speed, row, slug
 from models.laws.five_elements import low_speed_moduli
 from models.laws.geometry import GRAVITY, Capsule, Regime, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants, wall_tension
@@ -49,18 +34,16 @@ def measured_band() -> tuple[float, float]:
 
 
 def viscoelastic_rows() -> Iterator[Row]:
-    """Every line about paper V's force-speed model."""
     capsule, tissue = viscoelastic_rig()
     s = load_set("zhang2014_viscoelastic_rig")
     mu = s["mean_coulomb_force_N"] / (capsule.mass_kg * GRAVITY)
-    yield row("v_friction_coefficient", "1", mu, "reproduced", "weight", paper=s["friction_coefficient"])
+    yield row("v_friction_coefficient", mu, paper=s["friction_coefficient"])
     yield from _band(capsule, tissue)
     for v in LOW_SPEEDS:
         force, at = sliding_resistance(v, capsule, tissue), at_speed(v)
         major = bool(force.environmental > max(force.coulomb, force.viscous))
-        verdict, note = (CONSISTENT, "major") if major else (NOT_REPRODUCIBLE, "minor")
-        share, key = float(force.environmental / force.total), f"v_share_environmental_{slug(at)}"
-        yield row(key, "%", share, verdict, note, words="v_share_environmental", fill={"at": at})
+        differs = ("%", "consistent", "major") if major else None
+        yield row("v_share_environmental", float(force.environmental / force.total), at, differs=differs, at=at)
     yield from _components("v_low", capsule, tissue, "low", LOW_SPEEDS)
     yield from _components("v_high", capsule, tissue, "high", HIGH_SPEEDS)
     yield _eq13_row()
@@ -68,14 +51,15 @@ def viscoelastic_rows() -> Iterator[Row]:
 
 def _band(capsule: Capsule, tissue: Tissue) -> Iterator[Row]:
     valley, peak = measured_band()
-    force, band = sliding_resistance(BAND_SPEED, capsule, tissue), {"valley": MN * valley, "peak": peak}
-    yield row("v_viscous_10_mm_s", "mN", force.viscous, "check value", "drag")
-    yield row("v_total_10_mm_s", "mN", force.total, "not comparable", "dummy", fill=band)
+    force = sliding_resistance(BAND_SPEED, capsule, tissue)
+    band: dict[str, Any] = {"valley": MN * valley, "peak": peak}
+    yield row("v_viscous_10_mm_s", force.viscous)
+    yield row("v_total_10_mm_s", force.total, **band)
     c = load_set("zhang2014_constant_velocity")
     rig = replace(capsule, cylinder_length_m=c["cylinder_length_m"], mass_kg=c["mass_kg"])
     total, middle = sliding_resistance(BAND_SPEED, rig, tissue).total, (valley + peak) / 2
-    verdict = CONSISTENT if valley <= total <= peak else MISSES
-    yield row("v_total_10_mm_s_capsule_c", "mN", total, verdict, "capsule_c", measured=middle, fill=band)
+    differs = ("mN", "consistent", "capsule_c") if valley <= total <= peak else None
+    yield row("v_total_10_mm_s_capsule_c", total, measured=middle, differs=differs, **band)
 
 
 def _components(key: str, capsule: Capsule, tissue: Tissue, regime: Regime, speeds: tuple[float, ...]) -> Iterator[Row]:
@@ -83,8 +67,8 @@ def _components(key: str, capsule: Capsule, tissue: Tissue, regime: Regime, spee
     for i, v in enumerate(speeds):
         at, rig = at_speed(v), TEXT(f"rig.{key}")
         for name, letter, values in (("environmental", "F_e", force.environmental), ("coulomb", "f_c", force.coulomb)):
-            fill = {"rig": rig, "letter": letter, "at": at}
-            yield row(f"{key}_{name}_{slug(at)}", "mN", values[i], "check value", words="component", fill=fill)
+            own = f"{key}_{name}_{slug(at)}"
+            yield row("component", values[i], own=own, rig=rig, letter=letter, at=at)
 
 
 def _eq13_row() -> Row:
@@ -96,26 +80,22 @@ def _eq13_row() -> Row:
     best = [np.polyval(np.polyfit(strain, table[name], 2), strain) / table[name] - 1 for name in columns]
     errors = [value / table[name] - 1 for name, value in columns.items()]
     rms, least = (float(np.sqrt(np.mean(np.square(e)))) for e in (errors, best))
-    return row("v_eq13_against_table1", "%", rms, "consistent", "eq13", fill={"least": least})
+    return row("v_eq13_against_table1", rms, least=least)
 
 
 def base_rows() -> Iterator[Row]:
-    """The base model's check values for the default capsule."""
     capsule, tissue, wall = Capsule(), Tissue(), WallConstants.from_set()
     yield from _components("base_default", capsule, tissue, "low", LOW_SPEEDS)
     section, length = wall_section(capsule, tissue), stretched_length(capsule)
     for u in (0.25e-3, 1e-3):
         tension, at = wall_tension(u, wall, section, length), f"{1e3 * u:g} mm"
-        yield row(
-            f"base_tension_{slug(at)}", "mN", tension, "check value", "eq12", words="base_tension", fill={"at": at}
-        )
+        yield row("base_tension", tension, at, at=at)
     for v in (0.5e-3, 10e-3):
         drag, at = mucus_drag(v, tissue.mucus_thickness_m), at_speed(v)
-        yield row(f"base_mucus_{slug(at)}", "mN", drag, "check value", "film", words="base_mucus", fill={"at": at})
+        yield row("base_mucus", drag, at, at=at)
 
 
 def viscoelastic_drawings() -> Iterator[Drawing]:
-    """Fig. 5, 7 and 9: force against speed."""
     top, jump = HIGH_SPEEDS[-1], HIGH_SPEEDS[0]
     v = np.linspace(0.2e-3, top, 480)
     low, blend = _force(v, "low"), _force(v, "blend")
@@ -150,7 +130,6 @@ def viscoelastic_drawings() -> Iterator[Drawing]:
 
 
 def _force(speed: Any, regime: Regime) -> Resistance:
-    """Paper V's force at `speed` in m/s with one of its sets of moduli, or both."""
     capsule, tissue = viscoelastic_rig()
     return sliding_resistance(speed, capsule, replace(tissue, regime=regime))
 

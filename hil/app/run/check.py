@@ -27,8 +27,7 @@ from hil.drives.makers import MAKERS
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, controllers_frames, frame_map_of, heartbeat
 from hil.nodes.node import ControllerNode
-from hil.nodes.receive import FrameReceiver, operators_stop
-from hil.nodes.remedies import remedy
+from hil.nodes.receive import FrameReceiver, operators_stop, remedy
 from hil.nodes.task import Task
 
 LISTEN_S: Final = 0.5  # to the bus
@@ -39,14 +38,11 @@ SHARE: Final = 0.5  # of a tick; with more work little is left for a busier mome
 
 @dataclass(frozen=True)
 class Point:
-    """One thing that was looked at."""
-
     what: str
     good: bool
     words: str
 
     def document(self) -> dict[str, object]:
-        """With what helps where it is bad."""
         return vars(self) | {"remedy": "" if self.good else remedy(f"{self.what}: {self.words}")}
 
     @property
@@ -99,7 +95,6 @@ def limits_point(limits: Limits, kind: str) -> Point:
 
 
 def _authentication(bus: ClockedBus) -> list[Point]:
-    """Whether what was heard is genuine, on a bus with a key."""
     if not isinstance(bus.inner, AuthenticatedBus):
         return []
     refused = bus.inner.refused
@@ -173,8 +168,7 @@ def _simulated(node: ControllerNode, tape: Tape) -> Callable[[int, float], None]
     return speak
 
 
-QUIET_S: Final = 0.1
-"""How long to listen before anything is sent: five cycles of a controller's slowest frame."""
+QUIET_S: Final = 0.1  # How long to listen before anything is sent: five cycles of a controller's slowest frame
 
 
 def drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: bool) -> can.BusABC:

@@ -37,7 +37,6 @@ class ClockedBus(WrappingBus):
         self.clock, self.oldest_s, self.unstamped = clock, oldest_s, 0
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """As the inner bus, with the stamp of `clock`."""
         message = self.inner.recv(timeout)
         if message is not None:
             age, now = time.time() - message.timestamp, self.clock.now()
@@ -78,9 +77,7 @@ class Histogram:
 
 @dataclass
 class Grid:
-    """Ticks every `tick_s`. A tick that begins a period or more late skips the points between (`missed`); `late` counts
-    how late ticks begin.
-    """
+    """Ticks every `tick_s`; one a period or more late skips points (`missed`); `late` counts how late ticks begin."""
 
     clock: Clock
     tick_s: float
@@ -90,7 +87,6 @@ class Grid:
     _due: float = -1.0
 
     def wait(self) -> float:
-        """Sleep until the next point; the time then."""
         if self._due < 0:
             self._due = self.clock.now()
             self.ticks = 1

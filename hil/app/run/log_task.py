@@ -24,8 +24,6 @@ TEXT: Final = Sentences(__file__)
 
 
 class _Stated(BaseModel):
-    """What a run writes beside its log."""
-
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
 

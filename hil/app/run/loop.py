@@ -176,7 +176,6 @@ def _refused(node: ControllerNode) -> str:
 def _ended(
     node: ControllerNode, now: float, outcome: Outcome, signals: StopSignals, enabled: bool, give_up_s: float
 ) -> tuple[str, str]:
-    """The end of a run that had a drive to lead, and its sentence."""
     if node.state == FAULTY:
         other = node.reason == node.receiver.other_controller
         deaf = f"; {node.receiver.refused_words}" if node.receiver.deaf else ""
@@ -211,12 +210,10 @@ def _cause(node: ControllerNode, now: float, outcome: Outcome) -> None:
 
 
 def _stranger(node: ControllerNode) -> str:
-    """That another controller sends, unless this one only listens."""
     return "" if node.guard.dry else node.receiver.other_controller
 
 
 def _doubt(node: ControllerNode, now: float) -> str:
-    """Why the drive must not be led, "" where it may."""
     return node.receiver.doubt(now) or (
         "drive fault" if node.receiver.state == FAULT and not node.receiver.fault else ""
     )

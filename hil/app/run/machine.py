@@ -23,12 +23,9 @@ from models.files.toml import check_word
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
-TIMED: Final = ("pcan", "kvaser", "vector")
-"""Interfaces whose CAN FD bit timing python-can sets."""
-_DRIVERS = logging.getLogger("can")
-"""Log of python-can and its drivers; only their errors are reported."""
-QUEUE: Final = 128
-"""Frames that the interface should hold: a tick's of all nodes, several times."""
+TIMED: Final = ("pcan", "kvaser", "vector")  # Interfaces whose CAN FD bit timing python-can sets
+_DRIVERS = logging.getLogger("can")  # Log of python-can and its drivers; only their errors are reported
+QUEUE: Final = 128  # Frames that the interface should hold: a tick's of all nodes, several times
 RESTART_MS: Final = 100  # after a bus-off
 LOOKED_S: Final = 0.4  # for which the machine's lateness is measured
 TICKS_S: Final = (5e-4, 1e-3, 2e-3, 4e-3, 5e-3, 8e-3, 1e-2, 2e-2)  # that a deployment can have
@@ -123,7 +120,6 @@ def _data(link: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def priority_words(control: ControlTable) -> str:
-    """Whether the real-time priority that is asked for is available."""
     if not hasattr(os, "sched_setscheduler"):
         return TEXT("machine.no_priority") if control.priority else ""
     wanted = control.priority or 1
@@ -173,7 +169,6 @@ def tick_to_hold(late: Histogram, busy_p99_s: float, share: float) -> float:
 
 
 def stamp_words(table: BusTable, bus: ClockedBus) -> str:
-    """Which clock stamps received frames."""
     key = f"stamps.{table.interface}"
     said = TEXT("machine.stamps", clock=TEXT(key if key in TEXT else "stamps.other"))
     return said + (TEXT("machine.unstamped", frames=bus.unstamped) if bus.unstamped else "")

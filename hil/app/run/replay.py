@@ -12,9 +12,8 @@ import can
 
 import models.effects
 from hil.app.console import answer, note, output_to_notes
-from hil.app.run.differences import Difference, Replay
 from hil.app.run.log_task import TEXT, task_of
-from hil.app.run.native_replay import native_replay
+from hil.app.run.native_replay import Difference, Replay, native_replay
 from hil.app.shared_options import Json, OwnControllers, OwnEffects, argument
 from hil.bus.catalogue import FrameCatalogue, load_catalogue
 from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
@@ -64,7 +63,7 @@ class Order:
 
 
 def replay(
-    path: Annotated[Path, argument("LOG", "A log of the controller, its record beside it.")],
+    path: Annotated[Path, argument("LOG")],
     *,
     json_output: Json = False,
     effects: OwnEffects,
@@ -175,9 +174,7 @@ def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Order])
 
 
 def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Order]:
-    """Ticks and orders of a log in order. A tick received the frames from the SYNC before to its own and those with a
-    note. Raises ValueError where frames are missing.
-    """
+    """Ticks and orders of a log; a tick heard the frames from the SYNC before to its own. ValueError for gaps."""
     tick: TickOfLog | None = None
     exact: float | None = None
     solved, heard_before = True, False

@@ -35,7 +35,7 @@ from hil.log.log import FrameLog
 from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.node import ControllerNode
-from hil.nodes.remedies import remedy
+from hil.nodes.receive import remedy
 from hil.nodes.task import Task
 from models.effects import Catalogue
 from models.files.toml import check_word, in_file
@@ -44,31 +44,23 @@ from models.identification.model import Model
 ACTIONS = ("lead", "check", "reset")
 GOOD: Final = ("done", "operator", "reset")
 """Values of `end` after which the exit status is 0; all ends stand in the table of docs/bus.md."""
-PROBED_S: Final = 0.05
-"""How long a check leads after its probe, at rest."""
+PROBED_S: Final = 0.05  # How long a check leads after its probe, at rest
 _TURN_S: Final = 1e-4  # of Python's switch interval
 
 
 def run(
-    path: Annotated[
-        Path, argument("RIG.toml", "A rig file with [bus], [control], [reference] and [limits].", "rig file")
-    ],
+    path: Annotated[Path, argument("RIG.toml", reads="rig file")],
     *,
-    action: Annotated[
-        str,
-        argument("check|reset", "check: examine everything, send nothing; reset: only acknowledge a latched fault."),
-    ] = "lead",
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Listen and compute, send nothing.")] = False,
-    log: Annotated[Path | None, option("--log", "LOG.blf", "Where the log goes; else the current folder.")] = None,
+    action: Annotated[str, argument("check|reset")] = "lead",
+    dry_run: Annotated[bool, typer.Option("--dry-run")] = False,
+    log: Annotated[Path | None, option("--log", "LOG.blf")] = None,
     mcap: options.McapFile = None,
     reference: options.ReferenceFile = None,
     json_output: options.Json = False,
     effects: options.OwnEffects,
     controllers: options.OwnControllers,
     learn: options.Learn = False,
-    move: Annotated[
-        bool, typer.Option("--move", help="With check: lead the drive 5 mm to and fro; the capsule must follow.")
-    ] = False,
+    move: Annotated[bool, typer.Option("--move")] = False,
 ) -> int:
     """Lead, check or reset the drive: 0 where it ended as asked (`GOOD`), else 1. Raises ValueError."""
     check_word(action, "action", ACTIONS)
@@ -111,8 +103,6 @@ def run(
 
 @dataclass(frozen=True)
 class _Asked:
-    """What `run` is asked for, checked."""
-
     path: Path
     deployment: Deployment
     action: str
@@ -149,7 +139,6 @@ def chosen_for(deployment: Deployment, model: Model) -> tuple[Deployment, Leadin
 
 
 def _mission_of(deployment: Deployment) -> Mission:
-    """The motion of a deployment, with the localisation as it states it."""
     control = deployment.control
     seen = Localisation(std_m=control.seen_noise_m, quantum_m=control.resolution_m)
     return Mission(deployment.reference, control.duration_s, deployment.limits, seen, control.estimator)
@@ -202,7 +191,6 @@ def _moved(asked: _Asked, good: bool) -> Point:
 
 
 def _not_begun(path: Path, words: str, json_output: bool) -> int:
-    """Print that there is another controller; nothing was sent."""
     ended = TEXT("end.no_lead", why=words)
     found = {"rig": str(path), "end": "other_controller", "ended": ended, "remedy": remedy(ended), "led": False}
     answer(json_output, found | {"ticks": 0, "log": None}, f"ended: {ended}", TEXT("run.remedy", **found))
@@ -252,9 +240,7 @@ def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, Controll
 
 @contextmanager
 def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog) -> Iterator[Learner]:
-    """The learner of a run: a process identifies, a thread makes controllers and writes the record. Both start before
-    the first tick.
-    """
+    """The learner of a run: a process identifies, a thread builds and writes; both start before the first tick."""
     maker, turn_s = ThreadPoolExecutor(1), sys.getswitchinterval()
 
     def keep(record: Mapping[str, Any]) -> None:

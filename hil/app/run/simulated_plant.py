@@ -22,14 +22,10 @@ from plant.session import Session
 
 
 def plant(
-    path: Annotated[
-        Path, argument("DEPLOYMENT.toml", "A deployment file whose [plant] names a scenario.", "deployment file")
-    ],
+    path: Annotated[Path, argument("DEPLOYMENT.toml", reads="deployment file")],
     *,
-    seconds: Annotated[float | None, option("--seconds", "S", "How long; else until Ctrl-C.")] = None,
-    lies: Annotated[
-        list[str], several("--lie", "KIND[:TARGET][=VALUE][@S]", "A lie of its localiser or drive, and its start in s.")
-    ],
+    seconds: Annotated[float | None, option("--seconds", "S")] = None,
+    lies: Annotated[list[str], several("--lie", "KIND[:TARGET][=VALUE][@S]")],
     json_output: Json = False,
 ) -> None:
     """Put the plant on its bus and print "ready" (to standard error with `--json`); at the end print the counts."""

@@ -11,7 +11,7 @@ import can
 from hil.app.scenario.deployment import check_tick, operator_limits
 from hil.app.scenario.deployment_tables import KEY_FILE, DataBitRate, LearningTable, check_key, check_no_key
 from hil.app.scenario.reference import with_reference
-from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, check_tables, parse_track_scenario
+from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
 from hil.bus.authenticated import authenticator, read_key
 from hil.bus.local import LocalBus
 from hil.drives.makers import ACTUATORS, read_actuator
@@ -21,7 +21,7 @@ from hil.nodes.operator import SETPOINT, OperatorLimits
 from hil.simulated.faults import KEY, MAKER, OPERATOR, Fault, read_faults
 from hil.simulated.fmu_plant import read_fmu
 from hil.simulated.plant_node import SLOT_S
-from models.files.toml import check_word, in_file, read_toml, toml_text
+from models.files.toml import check_tables, check_word, in_file, read_toml, toml_text
 from models.rigs.schema import NamedTable, Words, key
 
 
@@ -107,9 +107,7 @@ class JogTable(NamedTable):
 
 @dataclass(frozen=True)
 class SilScenario:
-    """A closed `loop` over the bus with its faults. Its tick is the cycle of the command frame where the file states
-    none; `drive` is another maker's, already set up.
-    """
+    """A closed `loop` over the bus with its faults; `drive` is another maker's, already set up."""
 
     loop: TrackScenario
     bus: SimulatedBusTable = SimulatedBusTable()
@@ -153,7 +151,7 @@ def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilSce
 def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     """A loop over the bus from parsed TOML. Errors as `load_sil_scenario`."""
     own = (*BUS_TABLES, *ACTUATORS)
-    check_tables(raw, (*TABLES, *own))
+    check_tables(raw, (*TABLES, *own), own)
     loop = parse_track_scenario({name: table for name, table in raw.items() if name not in own})
     if "tick_s" not in raw.get("control", {}):
         cycle = frames()[frame_map_of(loop.kind).command].cycle_s

@@ -54,9 +54,7 @@ class TrackChecks(NamedTable):
 def read_checks(
     table: Table, kind: str, reference: Trajectory, instruments: Instruments, judged_from_s: float, duration_s: float
 ) -> Mapping[str, TrackChecks]:
-    """`[checks]` of a scenario by controller: the common ones, then its own. Raises ValueError for unknown keys and for
-    checks that this run cannot decide.
-    """
+    """`[checks]` by controller: the common ones, then its own. Raises ValueError, also for what no run can decide."""
     able = [name for name in CONTROLLERS if kind in leads(name)]
     shared = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
@@ -117,7 +115,6 @@ def _judgeable(
     judged_from_s: float,
     duration_s: float,
 ) -> None:
-    """Raises ValueError for a check that this run cannot decide."""
     for within, size in (("recovered_within_s", "recovered_mm"), ("settled_within_s", "settled_mm")):
         if (getattr(checks, within) is None) != (getattr(checks, size) is None):
             raise ValueError(f"{where}.{within} must stand with {size}, and the other way round; got one of them")

@@ -28,9 +28,7 @@ SIMPLER: Final = (*STAGES[:2], CLASS)
 
 
 class Believed:
-    """The control models of a run by their values, each built once; with the height of its magnet, which is that of
-    another model where one is given.
-    """
+    """The control models of a run by values and height of the magnet, each built once."""
 
     def __init__(self, build: Callable[[Theta, ControlModel | None], ControlModel]) -> None:
         self._build, self._built = build, list[tuple[Theta, float | None, ControlModel]]()
@@ -62,7 +60,6 @@ class Leading:
     beyond: Mapping[str, Any] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
-        """The keys `chosen` and `beyond_records` of a run's JSON object."""
         chosen = {} if self.chosen is None else {"chosen": self.chosen.document()}
         return chosen | {"beyond_records": dict(self.beyond)}
 
@@ -73,7 +70,6 @@ class Leading:
         return seeing(mission, believed(self.values), names)
 
     def beside(self, believed: Believed) -> dict[str, ControlModel]:
-        """The models of the `others`."""
         leading = believed(self.values)
         return {stage: believed(values, leading) for stage, values in self.others.items()}
 
@@ -87,9 +83,7 @@ def leading_of(
     believed: Believed,
     bar: Callable[[str], AbstractContextManager[Progress]] = progress_bar,
 ) -> Leading:
-    """What leads `scenario` with the model of the file `path`, if any. The `stage` and the `controller` given by hand
-    stand. Raises ValueError.
-    """
+    """What leads `scenario` with the model of `path`, if any; `stage` and `controller` given by hand stand."""
     kind, usual = scenario.kind, scenario.control.controller
     model = None if path is None else model_for(path, kind, known)
     beyond = motion_beyond({} if model is None else model.validity, scenario.reference, scenario.duration_s)
@@ -106,12 +100,10 @@ def leading_of(
 
 
 def names_of(usual: str, kind: str) -> list[str]:
-    """The controllers that are compared on a rig of `kind`, the simpler first."""
     return [usual] if DRIVES[kind].shaken else list(dict.fromkeys((*ORDER, usual)))
 
 
 def mission_of(scenario: TrackScenario) -> Mission:
-    """The motion of a scenario, with the localisation as it states it."""
     seen, control = scenario.instruments.localisation, scenario.control
     localisation = Localisation(seen.rate_Hz, seen.std, seen.latency_s, seen.quantum)
     return Mission(scenario.reference, scenario.duration_s, scenario.limits, localisation, control.estimator)
@@ -161,7 +153,6 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
 
 
 def spelled(others: Mapping[str, Theta]) -> dict[str, dict[str, float]]:
-    """The values of other models, as the record of a log has them."""
     return {stage: values.spelled() for stage, values in others.items()}
 
 
@@ -181,9 +172,7 @@ def others_of(model: Model, leading: Theta) -> dict[str, Theta]:
 
 
 def worlds_of(model: Model) -> dict[str, Theta]:
-    """The models that the records leave possible, the last stage first; equal ones once. The mean of a class is none:
-    no record was fitted with it.
-    """
+    """The models that the records leave possible, the last stage first, equal ones once, no mean of a class."""
     names = [name for name in (*reversed(STAGES), *model.possible) if name not in (*model.refuted, CLASS)]
     found: dict[str, Theta] = {}
     for name in names:

@@ -14,14 +14,13 @@ from hil.app.scenario.chosen import others_of
 from hil.app.scenario.deployment_tables import BusTable, ControlTable, LearningTable, PlantTable, check_no_key
 from hil.app.scenario.model_use import CHOSEN, ModelTable, Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
-from hil.app.scenario.scenario import check_tables
 from hil.drives.makers import ACTUATORS, read_actuator
 from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
 from hil.nodes.operator import OperatorLimits
 from hil.nodes.task import Task
 from models.effects import CATALOGUE, Catalogue
-from models.files.toml import in_file, parse_toml, read_toml, toml_text
+from models.files.toml import check_tables, in_file, parse_toml, read_toml, toml_text
 from models.identification.finding import STAGES
 from models.identification.model import Model, read_model, read_report
 from models.identification.validity import Ranges
@@ -168,9 +167,6 @@ def read_operator(path: Path) -> tuple[BusTable, OperatorLimits]:
 
 def _check_tables(raw: Mapping[str, Any]) -> None:
     check_tables(raw, (*table_names(), *OWN_TABLES))
-    for table, content in raw.items():
-        if not isinstance(content, dict):
-            raise ValueError(f"{table} must be a table; got {content!r}")
     if "plant" in raw:
         PlantTable.read(raw)
 
@@ -187,7 +183,6 @@ def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
 
 
 def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable, limits: Limits) -> ActuatorTable | None:
-    """Another maker's drive that the file names, on a bus that carries its frames."""
     table = read_actuator(raw, kind, limits)
     check_no_key(table, bus.key_file)
     if table is not None and table.fd and not bus.fd:

@@ -58,8 +58,7 @@ class BusTable(NamedTable):
         return found
 
 
-NEAR_POINT: Final = 0.05
-"""Largest difference of a sample point from the one asked for."""
+NEAR_POINT: Final = 0.05  # Largest difference of a sample point from the one asked for
 
 
 class ControlTable(NamedTable):

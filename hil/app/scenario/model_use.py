@@ -30,8 +30,7 @@ from models.words.quantities import DASH, quantity
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
-CHOSEN: Final = "chosen"
-"""The stage of a run whose model is chosen for it."""
+CHOSEN: Final = "chosen"  # The stage of a run whose model is chosen for it
 
 
 class ModelTable(NamedTable):
@@ -84,7 +83,6 @@ def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Theta) 
 
 
 def offer_of(offered: Offered | None, believed: Callable[[Theta], ControlModel]) -> Offer | None:
-    """The offer for a controller; `believed` makes models from values."""
     return None if offered is None else Offer(believed(offered.values), Acceptance(), offered.at_s)
 
 
@@ -101,7 +99,6 @@ def offer_words(found: Mapping[str, Any]) -> str:
 
 
 def model_for(path: Path, kind: str, known: Catalogue = CATALOGUE) -> Model:
-    """The model of a file, for a controller of a rig of `kind`. Raises ValueError."""
     return read_model(path, *(DRIVES[kind].models or (kind,)), catalogue=known)
 
 
@@ -122,9 +119,7 @@ def values_of(path: Path | None, learned: Model | None, stage: str | None) -> tu
 
 
 def motion_beyond(covered: Ranges, reference: Trajectory, duration_s: float) -> dict[str, Any]:
-    """Where a `reference` leaves what the records of a model `covered`, noted in a sentence: the key `beyond_records`
-    of a run's JSON object.
-    """
+    """The key `beyond_records`: where a `reference` leaves what the records of a model `covered`; it is noted."""
     times = np.linspace(0.0, duration_s, 1 + max(round(duration_s / STEP_S), 1))
     found = beyond(covered, motion_ranges(times, reference.position(times), reference.speed(times)))
     note_beyond(found)

@@ -13,8 +13,7 @@ from models.files.toml import check_word, read_toml
 from models.rigs.schema import NamedTable, Numbers, key
 
 MM: Final = 1e-3  # in metres
-FARTHEST: Final = 1e6
-"""Largest number in mm and mm/s that is read, so that nothing overflows; `[limits]` are narrower."""
+FARTHEST: Final = 1e6  # Largest number in mm and mm/s that is read, so that nothing overflows; `[limits]` are narrower
 FASTEST_HZ: Final = 0.1 / STEP_S  # ten steps of a trajectory in a period
 
 

@@ -1,6 +1,6 @@
 """SCENARIO.toml of a closed loop: true plant, instruments, reference, and the controller's belief."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -13,9 +13,8 @@ from hil.app.scenario.checks import TrackChecks, read_checks
 from hil.app.scenario.model_use import OfferTable
 from hil.app.scenario.reference import read_reference, with_reference
 from models.effects import Catalogue
-from models.files.toml import check_word, converted, in_file, read_toml
+from models.files.toml import check_tables, check_word, converted, in_file, read_toml
 from models.laws.geometry import Capsule, Tissue
-from models.parameter import nearest
 from models.rigs.kinds import KINDS
 from models.rigs.reader import parse_rig, table_names
 from models.rigs.rig import Rig
@@ -30,10 +29,8 @@ Table = Mapping[str, Any]
 TRUTH_TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface", "anatomy", "effects")
 OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback", "checks", "offer")
 TABLES: Final = TRUTH_TABLES + OWN_TABLES
-BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog", "learning")
-"""Further tables of a scenario on the bus."""
-SAMPLE_STEPS: Final = 10
-"""Steps of the plant between samples of the truth (`plant.session`)."""
+BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog", "learning")  # Further tables of a scenario on the bus
+SAMPLE_STEPS: Final = 10  # Steps of the plant between samples of the truth (`plant.session`)
 _CAPSULE: Final = asdict(Capsule())
 _TISSUE: Final = {"preset": "jejunum", **asdict(Tissue())}
 _PLATE: Final = Plate(0.0)
@@ -78,7 +75,6 @@ class TrackScenario:
     offer: OfferTable | None = None
 
     def knowing(self, effects: Catalogue) -> Self:
-        """With the `effects` of a catalogue in the belief."""
         return replace(self, belief=effects.given_to(self.belief))
 
 
@@ -92,12 +88,9 @@ def load_track_scenario(path: Path, reference: Path | None = None) -> TrackScena
 
 def parse_track_scenario(raw: Table) -> TrackScenario:
     """A closed loop from parsed TOML. Errors as `load_track_scenario`."""
-    for name, table in raw.items():
-        if name in BUS_TABLES:
-            raise ValueError(f"tables must be those of a loop without a bus; got [{name}], which `capsule sil` reads")
-        check_tables([name], TABLES)
-        if not isinstance(table, Mapping):
-            raise ValueError(f"{name} must be a table; got {table!r}")
+    if own := next((name for name in raw if name in BUS_TABLES), None):
+        raise ValueError(f"tables must be those of a loop without a bus; got [{own}], which `capsule sil` reads")
+    check_tables(raw, TABLES)
     seed = raw.get("anatomy", {}).get("seed", 0)
     if converted(seed, int, "anatomy.seed") < 0:
         raise ValueError(f"anatomy.seed must be zero or more; got {seed}")
@@ -131,12 +124,6 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
         checks=read_checks(raw.get("checks", {}), kind, reference, instruments, control.judged_from_s, run.duration_s),
         offer=OfferTable.read(raw) if "offer" in raw else None,
     )
-
-
-def check_tables(names: Iterable[str], known: tuple[str, ...]) -> None:
-    for name in names:
-        if name not in known:
-            raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
 
 
 def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = None) -> Rig:

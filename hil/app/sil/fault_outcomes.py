@@ -21,20 +21,14 @@ from hil.simulated.faults import DRIVE, KEY, KINDS, LIES, OPERATOR, Fault
 from plant import layout as at
 from plant.drives import Carriage
 
-TICKS: Final = 2
-"""Ticks from the first contradiction to the brake of the drive."""
-NOT_AT_REST: Final = "does not rest"
-"""Words of the reason where a drive moves by itself."""
+TICKS: Final = 2  # Ticks from the first contradiction to the brake of the drive
+NOT_AT_REST: Final = "does not rest"  # Words of the reason where a drive moves by itself
 _ADDED: Final = ("drift", "jumped", "sway", "scaled")
-"""Lies that add an offset or a scale to the true motion. Where the drive does not show the position, nothing
-contradicts a slow one.
-"""
-WANTED, SOURCE, _, PRESSED = range(4)
-"""Columns of `SilTrace.steered`."""
+"""Lies that add an offset or scale: where the drive shows no position nothing contradicts a slow one."""
+WANTED, SOURCE, _, PRESSED = range(4)  # Columns of `SilTrace.steered`
 BUS_S: Final = 0.02  # to the safe state after a fault of the bus itself
 STUCK_S: Final = 0.05  # the same for a stuck value
-PLACE_S: Final = 0.155
-"""150 ms without localisation, and the delay of the next tick to the drive."""
+PLACE_S: Final = 0.155  # 150 ms without localisation, and the delay of the next tick to the drive
 _RIDDEN: Final = ("duplicate", "reorder", "replay", "beyond_limits", "second_operator")
 _STRANGERS: Final = ("second_master", "player")
 _OWN_S: Final[Mapping[str, float]] = {
@@ -49,9 +43,7 @@ _OWN_S: Final[Mapping[str, float]] = {
 
 
 def limit_s(rig: str, fault: Fault) -> float:
-    """Longest time in s from the begin of a fault (not an operator's) to the safe state; inf: the loop may ride
-    through.
-    """
+    """Longest time in s from a fault (not an operator's) to the safe state; inf: the loop may ride through."""
     kind, target, frame_map = fault.kind, fault.target, frame_map_of(rig)
     unseen = (kind == "biased" and not frame_map.drive.placed) or (kind == "stuck" and frame_map.drive.shaken)
     if kind in _RIDDEN or (kind, target) == ("delay", "localisation") or (target == "feedback" and unseen):
@@ -74,9 +66,7 @@ def limit_s(rig: str, fault: Fault) -> float:
 
 
 def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
-    """The same for another maker's carriage, which stops as its table states. Its frames have no counter or CRC of
-    ours, so the loop may ride through flipped bits.
-    """
+    """The same for another maker's carriage, which stops as its table states and may ride through flipped bits."""
     unseen = fault.kind == "corrupt" and fault.target in ("commands", "all")
     if unseen or math.isinf(limit_s(CARRIAGE_MAP.drive.name, fault)):
         return math.inf

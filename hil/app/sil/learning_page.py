@@ -24,8 +24,7 @@ PAGE: Final = "learning.html"
 NUMBERS: Final = "learning.json"
 WINDOW_S: Final = 60.0  # before an event, over which the error is averaged
 _HEIGHT: Final = 460  # pixels
-_CLOSE: Final = 0.04
-"""Share of the run within which two numbers would overlap; the later one is drawn lower."""
+_CLOSE: Final = 0.04  # Share of the run within which two numbers would overlap; the later one is drawn lower
 _COLOURS: Final = {
     "broken_at_s": 1, "asked_at_s": 4, "experiment_at_s": 5, "offered_at_s": 0, "taken_at_s": 2, "withdrawn_at_s": 1,
 }  # fmt: skip
@@ -33,7 +32,6 @@ _COLOURS: Final = {
 
 
 def learning_files(out: Path, scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> dict[Path, str]:
-    """The page and its numbers, by the files in `out` to which they go."""
     seconds, errors_m = error_by_second(scenario, trace)
     marks = instants(scenario, trace)
     numbers = {
@@ -91,7 +89,6 @@ def parts(
 
 
 def page_html(scenario: SilScenario, found: dict[str, Any], trace: SilTrace, numbers: dict[str, Any]) -> str:
-    """One self-contained page."""
     models = [(one.at_s, model_facts(believed_on_bus(scenario, one.values))) for one in trace.offers]
     return page(
         "learning.html.j2",
@@ -107,7 +104,6 @@ def page_html(scenario: SilScenario, found: dict[str, Any], trace: SilTrace, num
 
 
 def came_to(lessons: Sequence[Lesson]) -> str:
-    """The outcome of `lessons`, in words."""
     taken = [one for one in lessons if one.taken_at_s is not None]
     kept = [one for one in taken if one.withdrawn_at_s is None]
     if not lessons:
@@ -121,9 +117,7 @@ def came_to(lessons: Sequence[Lesson]) -> str:
 
 
 def error_figure(numbers: Mapping[str, Any]) -> go.Figure:
-    """The error of each second, of the numbers of `learning_files`; each instant is a dotted line with the number that
-    it has in the table below.
-    """
+    """The error of each second; each instant is a dotted line with its number in the table below."""
     t, error = np.array(numbers["second"]), 1e3 * np.array(numbers["rms_error_m"])
     figure = axes("time in s", ["rms error of each second in mm"], _HEIGHT, showlegend=False)
     line(figure, t + 0.5, error, "error", {"color": INK}, points=len(t) + 1)

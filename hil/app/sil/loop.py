@@ -38,10 +38,8 @@ from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
 _REPORTS: Final = 50  # of the progress
-LEAST_S: Final = 60.0
-"""Wall clock that even the shortest run may take, for compilers and busy machines."""
-LEARNING_S: Final = 7200.0
-"""Wall clock that a run with learning may take beyond that."""
+LEAST_S: Final = 60.0  # Wall clock that even the shortest run may take, for compilers and busy machines
+LEARNING_S: Final = 7200.0  # Wall clock that a run with learning may take beyond that
 Learning = Callable[[ControllerNode], Learner]
 
 
@@ -86,7 +84,6 @@ class SilTrace(LoopTrace):
 
     @property
     def in_force(self) -> Trajectory:
-        """The reference in force at each time, an operator's or the scenario's."""
         ticks = np.linspace(0.0, self.slots[-1, 0], len(self.steered), endpoint=False)
         return Trajectory(np.interp(np.arange(0.0, self.slots[-1, 0], STEP_S), ticks, self.steered[:, 0]))
 

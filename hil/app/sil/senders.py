@@ -36,7 +36,6 @@ class ScriptedOperator:
         self._ends = list(itertools.accumulate(step.seconds for step in steps))
 
     def send(self, now: float) -> None:
-        """Send the setpoint that is due until `now` in s."""
         self._origin_s = now if math.isnan(self._origin_s) else self._origin_s
         since_s = now - self._origin_s
         if since_s < self._due_s:
@@ -75,7 +74,6 @@ class FalseController:
         self._ticks, self._played, self._since = 0, 0, math.nan
 
     def send(self, now: float, kinds: set[str]) -> None:
-        """Send its frames of a tick, at `now`."""
         if self._port is None or self._transmitter is None:
             return
         own = controllers_frames()
@@ -88,7 +86,6 @@ class FalseController:
             self._play(self._port, now)
 
     def _lead(self, transmitter: FrameTransmitter) -> None:
-        """The frames of a second controller that wants the drive to move."""
         self._ticks += 1
         tick = (
             {"Tick": self._ticks, "Period_s": self._tick_s},

@@ -35,7 +35,7 @@ from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
-from hil.nodes.remedies import remedy
+from hil.nodes.receive import remedy
 from models.effects import Catalogue
 from models.files.toml import check_word
 
@@ -43,22 +43,18 @@ PAGE: Final = "sil.html"
 
 
 def sil(
-    path: Annotated[Path, argument("SCENARIO.toml", "As for track, with [bus] and [[faults]].", "scenario")],
+    path: Annotated[Path, argument("SCENARIO.toml", reads="scenario")],
     *,
     controller: options.ControllerName = None,
     model: options.LearnedModel = None,
     stage: options.StageOrScenario = None,
     seed: options.RunSeed = None,
     reference: options.ReferenceFile = None,
-    compare: Annotated[
-        str | None, option("--compare", "NAME,NAME", "Run these controllers, one after the other.")
-    ] = None,
-    out: Annotated[Path | None, option("--out", "DIR", "Folder for sil.html, sil.json and the log frames.blf.")] = None,
+    compare: Annotated[str | None, option("--compare", "NAME,NAME")] = None,
+    out: Annotated[Path | None, option("--out", "DIR")] = None,
     learn: options.Learn = False,
     mcap: options.McapFile = None,
-    watch: Annotated[
-        str | None, option("--watch", "CHANNEL", "Run in real time and put its frames on this local bus, for cockpit.")
-    ] = None,
+    watch: Annotated[str | None, option("--watch", "CHANNEL")] = None,
     json_output: options.Json = False,
     effects: options.OwnEffects,
     controllers: options.OwnControllers,
@@ -204,7 +200,6 @@ def judged(
 
 
 def bus_lines(found: Mapping[str, Any]) -> Iterator[str]:
-    """What happened on the bus: frames, an operator, and the outcome of each fault."""
     bus = found["bus"]
     yield TEXT("bus", **bus)
     if kinds := bus.get("unauthenticated"):

@@ -43,15 +43,12 @@ def believed_on_bus(scenario: SilScenario, values: Theta) -> ControlModel:
 
 
 def task_on_bus(scenario: SilScenario, model: ControlModel, controller: str, **more: Any) -> Task:
-    """The task of the controller node of a scenario; `more` are further fields."""
     loop, seen = scenario.loop, scenario.loop.instruments.localisation
     more |= {"resolution_m": seen.quantum, "estimator": loop.control.estimator, "probe": loop.control.probe}
     return Task(model, controller, loop.reference, loop.limits, seen.std, operator=scenario.operator, **more)
 
 
 class Bench:
-    """All nodes of a scenario and the wire between them, a tick at a time."""
-
     def __init__(
         self,
         scenario: SilScenario,
@@ -118,12 +115,10 @@ class Bench:
 
     @property
     def rejected(self) -> int:
-        """Frames that controller and drive have refused."""
         return self.node.receiver.rejected + self.plant.drive.rejected
 
     @property
     def unauthenticated(self) -> Counter[str]:
-        """Frames that controller and drive refused for their authenticator, by reason."""
         refused = (end.refused for end in self.ends.values() if isinstance(end, AuthenticatedBus))
         return sum(refused, Counter())
 
@@ -193,7 +188,6 @@ class Bench:
         return self._authentic(self.links[name])
 
     def _authentic(self, wire: can.BusABC) -> can.BusABC:
-        """The bus of a node on a `wire`, authenticated where the scenario has a key."""
         return AuthenticatedBus(wire, self._key, _EPOCH) if self._key else wire
 
     def _change(self, now: float) -> None:
@@ -233,7 +227,6 @@ class Bench:
             (self.medium.leave if on else self.medium.recover)(self.ports["drive"])
 
     def _hit(self, fault: Fault) -> list[tuple[FaultInjection, tuple[Fault, frozenset[int]]]]:
-        """The links that a fault tampers with, and the identifiers."""
         known, own = frames(), self.frame_map
         commands, reports = frozenset[int](), frozenset[int]()
         if self.scenario.drive is not None:

@@ -69,12 +69,10 @@ class LoopTrace:
 
     @classmethod
     def empty(cls, ticks: int, **more: Any) -> Self:
-        """Room for `ticks` entries; `more` are further fields."""
         a, b, c, d, e, f, g = (np.full(ticks, np.nan) for _ in range(7))
         return cls(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g, **more)
 
     def note(self, k: int, tick: Tick, model: ControlModel) -> None:
-        """Fill in tick `k` of a loop that began with the `model`."""
         self.time_s[k], self.command[k] = tick.time_s, tick.action.command
         self.position_m[k], self.disturbance_N[k] = tick.estimate.state[0], tick.estimate.disturbance_N
         if "u" in model.states:
@@ -85,7 +83,6 @@ class LoopTrace:
         self.estimate_s[k], self.solve_s[k] = tick.seconds
 
     def finish(self, session: Session, supervisor: Supervisor, estimator: ModelSwitch) -> None:
-        """Take over what a loop's parts know at its end."""
         self.rows, self.events = np.concatenate(session.rows), list(supervisor.events)
         self.counts, self.taken_at, self.health = estimator.counts, estimator.taken_at, estimator.health
         self.switched = estimator.switched
@@ -112,7 +109,6 @@ def _height_m(scenario: TrackScenario, values: Theta, before: ControlModel | Non
 
 
 def _lifted(scenario: TrackScenario, model: ControlModel) -> Truth:
-    """The true rig with its magnet lifted as the controller asked."""
     drive, stated, asked = scenario.truth.drive, scenario.belief.magnets, model.rig.magnets
     if not isinstance(drive, TrueMagnetPair) or stated is None or asked is None:
         return scenario.truth

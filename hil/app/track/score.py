@@ -138,7 +138,6 @@ def _times(seconds: Array) -> dict[str, float]:
 def document(
     scenario: TrackScenario, controller: str, seed: int, model: str, result: Score, log: str | None = None
 ) -> dict[str, Any]:
-    """The JSON object of `capsule track`, in the keys of interfaces.md."""
     return {
         "scenario": scenario.name,
         "controller": controller,

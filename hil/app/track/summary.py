@@ -32,8 +32,7 @@ HEADS: Final = (
 )  # fmt: skip
 TIMES: Final = ("solve ms: median", "p99", "max", "estimate ms: median", "p99", "max")
 _MOST_USED: Final = "largest use of a hard limit"
-_WORDS: Final = ("controller", "check", HEADS[-1], _MOST_USED)
-"""Columns that hold words."""
+_WORDS: Final = ("controller", "check", HEADS[-1], _MOST_USED)  # Columns that hold words
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,6 @@ def lines_of_runs(head: str, runs: Sequence[LoopRun], page: Path | None) -> Iter
 
 
 def check_rows(found: Sequence[Found]) -> list[list[str]]:
-    """Controller, check, value, limit and verdict of each check."""
     return [
         [
             *(one["controller"], ", ".join(filter(None, column_words(check["check"])))),
@@ -112,8 +110,7 @@ def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], found: Sequence[
     return table
 
 
-ACROSS = 2
-"""Small multiples side by side."""
+ACROSS = 2  # Small multiples side by side
 
 
 def page_html(head: str, runs: Sequence[LoopRun]) -> str:
@@ -145,7 +142,6 @@ def _error_mm(run: LoopRun) -> Array:
 
 
 def _path(run: LoopRun) -> go.Figure:
-    """The path of one run with its reference, and its error; dotted: faults."""
     t, x, name = run.trace.rows[:, at.O_T], run.trace.rows[:, at.O_X], run.found["controller"]
     figure = axes("time in s", ("position in mm", "error in mm"), 620)
     line(figure, t, 1e3 * run.scenario.reference.position(t), "reference", {"color": MUTED, "width": 3.0})

@@ -23,15 +23,15 @@ from models.effects import Catalogue
 
 
 def track(
-    path: Annotated[Path, argument("SCENARIO.toml", "Rig, reference, instruments and nominal values.", "scenario")],
+    path: Annotated[Path, argument("SCENARIO.toml", reads="scenario")],
     *,
     controller: options.ControllerName = None,
     model: options.LearnedModel = None,
     stage: options.StageOrScenario = None,
     seed: options.RunSeed = None,
     reference: options.ReferenceFile = None,
-    compare: Annotated[bool, typer.Option("--compare", help="Run every controller.")] = False,
-    out: Annotated[Path | None, option("--out", "DIR", "Folder for track.html and track.json.")] = None,
+    compare: Annotated[bool, typer.Option("--compare")] = False,
+    out: Annotated[Path | None, option("--out", "DIR")] = None,
     json_output: options.Json = False,
     effects: options.OwnEffects,
     controllers: options.OwnControllers,
@@ -66,7 +66,6 @@ def _runs(
     seed: int,
     out: Path | None,
 ) -> list[LoopRun]:
-    """A run with each of the controllers `names`."""
     model, others = believed(leading.values), leading.beside(believed)
     offered = read_offer(scenario.offer, folder, scenario.belief, leading.values)
     offer = offer_of(offered, lambda new: believed(new, model))

@@ -72,6 +72,6 @@ def test_a_gated_measurement_changes_nothing() -> None:
     z, P = np.array([1.0, 2.0]), np.array([[1.0, 0.2], [0.2, 2.0]])
     for difference in (50.0, np.nan, np.inf):
         before = z.copy(), P.copy()
-        fuse(z, P, np.array([1.0, 0.0]), difference, 0.01, 5.0, np.zeros(2))
+        fuse(z, P, np.array([1.0, 0.0]), difference, 0.01, 5.0)
         assert np.array_equal(z, before[0])
         assert np.array_equal(P, before[1])

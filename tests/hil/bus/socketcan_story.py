@@ -1,9 +1,9 @@
 """What runs in the guest: plant and controller as processes of their own on vcan0, one controller stopped by SIGTERM,
-one killed.
+one killed; between them, at 1 kHz, the Python node and the exported native one.
 
-`python -m tests.hil.bus.socketcan_story FOLDER` needs `rig.toml` and `plant.toml` there and leaves `story.json` and the
-log `run.blf`. The processes are forked from one that has imported everything, which takes minutes in an emulated
-processor.
+`python -m tests.hil.bus.socketcan_story FOLDER` needs `rig.toml`, `fast.toml`, `plant.toml` and the exported folder
+`native` there, and leaves `story.json` and the logs `run.blf` and `native/run.log`. The processes are forked from one
+that has imported everything, which takes minutes in an emulated processor.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import io
 import json
 import multiprocessing
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
@@ -23,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import can
+import numpy as np
 
 from hil.app.main import run
 from hil.app.run import run as _imported  # noqa: F401 - before the fork
@@ -36,6 +38,8 @@ from hil.nodes.frame_map import ENABLE, MOVING, STOPPING
 SCRATCH = Path(tempfile.gettempdir())
 CHANNEL = "vcan0"
 LEADS_S = 0.6
+FAST_S = 2.0
+FAST_TICK_S = 1e-3
 AFTERWARDS_S = 0.3
 LONGEST_S = 600.0
 Heard = list[can.Message]
@@ -48,8 +52,9 @@ class Wire:
         self.bus = can.Bus(interface="socketcan", channel=CHANNEL)
         self.heard: Heard = []
         catalogue = load_catalogue()
-        self.command, self.feedback = catalogue["CarriageCommand"], catalogue["CarriageFeedback"]
-        self._codecs = {frame.id: Codec(frame) for frame in (self.command, self.feedback)}
+        known = tuple(catalogue[name] for name in ("CarriageCommand", "CarriageFeedback", "Sync"))
+        self.command, self.feedback, self.sync = known
+        self._codecs = {frame.id: Codec(frame) for frame in known}
 
     def listen(self, until: Callable[[can.Message], bool], longest_s: float = LONGEST_S) -> bool:
         """Take frames in until one is as wanted; whether it came."""
@@ -63,7 +68,7 @@ class Wire:
         return False
 
     def values(self, message: can.Message) -> dict[str, float]:
-        """The signals of a command or feedback, none of any other frame."""
+        """The signals of a command, feedback or Sync, none of any other frame."""
         codec = self._codecs.get(message.arbitration_id)
         found = codec.decode(int.from_bytes(message.data, "little")) if codec else {}
         return found if isinstance(found, dict) else {}
@@ -113,6 +118,13 @@ def _lead(*arguments: str) -> tuple[int, str]:
     return status, said.getvalue()
 
 
+def _lead_natively(folder: Path, log: Path) -> tuple[int, str]:
+    """The native node of an exported folder with its status and what it printed."""
+    command = [str(folder / "build" / "node"), CHANNEL, f"{FAST_S:g}", str(log)]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False)
+    return ran.returncode, ran.stdout + ran.stderr
+
+
 def main(folder: Path) -> None:
     """The whole story."""
     wire, log, rig = Wire(), SCRATCH / "run.blf", str(folder / "rig.toml")
@@ -120,6 +132,10 @@ def main(folder: Path) -> None:
     plant = Child(run_plant, deployed, 3600.0)
     found: dict[str, Any] = {"stopped": _stopped(wire, rig, log)}
     found["frames"] = _counts(wire)
+    wire.heard.clear()
+    found["python"] = _fast(wire, _lead, str(folder / "fast.toml"), "--log", str(SCRATCH / "fast.blf"))
+    found["native"] = _fast(wire, _lead_natively, folder / "native", SCRATCH / "run.log")
+    shutil.copy(SCRATCH / "run.log", folder / "native")
     wire.heard.clear()
     found["killed"] = _killed(wire, rig)
     plant.process.terminate()
@@ -142,6 +158,40 @@ def _stopped(wire: Wire, rig: str, log: Path) -> dict[str, Any]:
     last = next((m for m in reversed(wire.heard) if m.arbitration_id == wire.feedback.id), None)
     state = None if last is None else wire.values(last)["State"]
     return {"led": led, "summary": json.loads(said or "{}"), "status": status, "state": state}
+
+
+def _fast(wire: Wire, lead: Callable[..., tuple[int, str]], *arguments: Any) -> dict[str, Any]:
+    """A controller that leads for `FAST_S` at 1 kHz: what it said, how late its commands were while it led, by the
+    kernel's stamps, and how far the carriage went in m.
+    """
+    wire.heard.clear()
+    controller = Child(lead, *arguments)
+    while controller.process.is_alive():
+        wire.listen(lambda _: False, 0.1)
+    status, said = controller.result() or (None, "")
+    places = [wire.values(m)["Position_m"] for m in wire.heard if m.arbitration_id == wire.feedback.id]
+    moved_m = max(places, default=0.0) - min(places, default=0.0)
+    return {"status": status, "said": said, **_lateness(wire), "moved_m": moved_m}
+
+
+def _lateness(wire: Wire) -> dict[str, Any]:
+    """Ticks led, ticks left out, commands sent after the end of their tick, and ms from the begin of a tick, as the
+    most punctual Sync has it, to its command.
+    """
+    number, begun, led = -1, {}, {}
+    for message in wire.heard:
+        if message.arbitration_id == wire.sync.id:
+            number = int(wire.values(message)["Tick"])
+            begun[number] = message.timestamp
+        elif wire.enabled(message):
+            led[number] = message.timestamp
+    if not led:
+        return {"ticks": 0}
+    start_s = min(begun[k] - k * FAST_TICK_S for k in led)
+    late_s = np.array([led[k] - start_s - k * FAST_TICK_S for k in led])
+    ms = dict(zip(("median", "p99", "most"), (1e3 * np.quantile(late_s, (0.5, 0.99, 1.0))).tolist(), strict=True))
+    left_out = max(led) - min(led) + 1 - len(led)
+    return {"ticks": len(led), "left_out": left_out, "late": int(np.sum(late_s > FAST_TICK_S)), "sent_ms": ms}
 
 
 def _killed(wire: Wire, rig: str) -> dict[str, Any]:
@@ -168,10 +218,11 @@ def _killed(wire: Wire, rig: str) -> dict[str, Any]:
 
 
 def _counts(wire: Wire) -> dict[str, int]:
-    """How often each frame was heard."""
+    """How often each frame was heard since the controller's first."""
     names = {identifier: frame.name for identifier, frame in load_catalogue().by_id().items()}
     counts: dict[str, int] = {}
-    for message in wire.heard:
+    first = next((k for k, message in enumerate(wire.heard) if message.arbitration_id == wire.sync.id), 0)
+    for message in wire.heard[first:]:
         name = names.get(message.arbitration_id, "unknown")
         counts[name] = counts.get(name, 0) + 1
     return counts

@@ -5,13 +5,14 @@ import re
 
 from hil.app.sil.fault_outcomes import limit_of
 from hil.bus.catalogue import load_catalogue
-from hil.simulated.faults import KINDS, LIES, LINKS, Fault
+from hil.simulated.faults import KINDS, LIES, Fault
 from tests.hil.app.sil.sil_runs import RIGS, scenario_of
 from tests.hil.bus.markdown_tables import frames_table, load_table
 from tests.hil.simulated.fault_rows import OWN_KINDS
 from tests.hil.simulated.test_faults import REFUSED
 from tests.places import ROOT
 
+LINKS = KINDS["reorder"].targets[:4]
 PAGE = (ROOT / "docs" / "bus.md").read_text(encoding="utf-8")
 
 

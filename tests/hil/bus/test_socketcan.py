@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from hil.app.main import run
 from hil.app.run.check import rehearse
 from hil.app.scenario.deployment import load_deployment
 from hil.app.scenario.scenario import load_track_scenario
@@ -21,8 +22,10 @@ from hil.log.blf_file import RECEIVED, SENT
 from hil.log.reader import read_frames
 from hil.nodes.frame_map import FAULT, STANDBY
 from plant.session import Session
+from tests.hil.app.export.tools import done, tool
 from tests.hil.app.run.deployments import PLANT, deployment
 from tests.hil.bus.guest import NoGuestError, covered, prepare, run_in
+from tests.hil.bus.socketcan_story import FAST_S, FAST_TICK_S
 from tests.places import ROOT
 
 pytestmark = [
@@ -42,6 +45,8 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("guest")
     (folder / "plant.toml").write_text(PLANT)
     (folder / "rig.toml").write_text(deployment("vcan0", "socketcan", control="duration_s = 60.0\npriority = 20"))
+    fast = f"duration_s = {FAST_S:g}\ntick_s = {FAST_TICK_S:g}\npriority = 20\nprobe = false"
+    (folder / "fast.toml").write_text(deployment("vcan0", "socketcan", control=fast))
     return folder
 
 
@@ -85,15 +90,16 @@ def story(work: Path, environment: dict[str, str], tmp_path_factory: pytest.Temp
 def test_frames_pass_both_ways(story: dict[str, Any]) -> None:
     """All frames of a magnetic rig are on the kernel's bus, none of the others, at their rates."""
     frames, ticks = story["frames"], story["stopped"]["summary"]["ticks"]
-    assert set(frames) == {
-        "Sync",
-        "CarriageCommand",
+    asked = {"Sync", "CarriageCommand", "ControllerHeartbeat", "EnableAnswer"}
+    answered = {
         "CarriageFeedback",
         "CarriageHeartbeat",
+        "CarriageChallenge",
         "CapsuleLocalisation",
-        "ControllerHeartbeat",
         "LocaliserHeartbeat",
     }
+    shown = {"ModelHealth", "BelievedMotion", "WantedMotion", "BelievedForces"}
+    assert set(frames) == asked | answered | shown
     assert frames["Sync"] == frames["CarriageCommand"] == ticks
     assert frames["CarriageFeedback"] >= 0.9 * ticks
     summary = story["stopped"]["summary"]
@@ -133,11 +139,29 @@ def test_the_log_has_what_was_on_the_wire(story: dict[str, Any], work: Path) -> 
     assert story["replayed"] == 0
 
 
+def test_the_native_node_leads_at_1_kHz(story: dict[str, Any], work: Path) -> None:
+    """Beside the Python loop in the same guest: both lead to the end; the native one's log replays bit by bit here."""
+    for who in ("python", "native"):
+        found = story[who]
+        assert found["status"] == 0, found
+        assert found["ticks"] > 0.9 * FAST_S / FAST_TICK_S
+        assert found["moved_m"] > 2e-3
+    assert "ended: done" in story["native"]["said"]
+    assert "unsent 0, missing in the log 0" in story["native"]["said"]
+    assert story["native"]["late"] <= story["python"]["late"]
+    assert story["native"]["left_out"] <= story["python"]["left_out"]
+    assert run(["replay", str(work / "native" / "run.log")]) == 0
+
+
 def warm(folder: Path) -> None:
     """Generate and compile here what the guest would take minutes for."""
     scenario = load_track_scenario(folder / "plant.toml")
     Session(scenario.truth, scenario.instruments, scenario.seed, 0.0).advance(0.0, 1e-3)
-    rehearse(load_deployment(folder / "rig.toml").task(), 20)
+    for name in ("rig", "fast"):
+        rehearse(load_deployment(folder / f"{name}.toml").task(), 20)
+    native = folder / "native"
+    assert run(["export", "controller", str(folder / "fast.toml"), "--out", str(native)]) == 0
+    done([tool("make"), "node"], native)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,9 @@ import pytest
 from hil.formats.channels import Channel, Heading, RefusedError, one_table
 from hil.formats.mcap_file import write
 from hil.formats.reading import read_channels
+from hil.log.rig_record import read_rig_record
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
 from tests.hil.formats.test_outside import bag, converted
 
 T = 0.01 * np.arange(200)
@@ -68,3 +71,27 @@ def test_negative_times_are_kept_apart_in_mcap(tmp_path: Path) -> None:
     times = whole(tmp_path / "a.mcap")["record/x"].time_s
     assert times is not None
     assert np.diff(times) == pytest.approx(0.01)
+
+
+def test_samples_that_a_file_marks_as_invalid_are_told(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    bad = (T > 0.495) & (T < 0.525)
+    file = asammdf.MDF(version="4.10")
+    place = asammdf.Signal(np.where(bad, 9.0, T), T, name="position_m", unit="m", invalidation_bits=bad)
+    file.append([place, asammdf.Signal(T, T, name="force_N", unit="N")])
+    file.save(tmp_path / "a.mf4")
+    file.close()
+    record = read_rig_record(tmp_path / "a.mf4", Rig("pull"))
+    assert record["position_m"] == pytest.approx(T)
+    assert [(one.why, one.column) for one in record.left_out] == [("no_number", "position_m")]
+    assert "3 of 200 samples" in record.left_out[0].sentence
+
+
+def test_a_structure_of_simulink_without_time_is_read_at_a_stated_rate(tmp_path: Path) -> None:
+    scipy = pytest.importorskip("scipy.io")
+    signals = {"values": np.column_stack([T, np.sin(T)]), "label": "log", "dimensions": 2.0}
+    scipy.savemat(tmp_path / "a.mat", {"out": {"time": np.empty(0), "signals": signals}})
+    columns = {"t_s": {"rate_Hz": 100.0}, "position_m": "log(:,1)", "force_N": "log(:,2)"}
+    record = read_rig_record(tmp_path / "a.mat", parse_rig({"rig": {"kind": "axis"}, "columns": columns}))
+    assert record["t_s"] == pytest.approx(T)
+    assert record["force_N"] == pytest.approx(np.sin(T))

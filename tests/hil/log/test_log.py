@@ -15,11 +15,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import hil.log.recorder as recorder
 from hil.formats.reading import is_log
 from hil.log.blf_file import LOST, NOTED, RECEIVED, SENT, WITHHELD, BlfFile, Logged, unpacked
 from hil.log.log import FrameLog, LockstepLog
 from hil.log.place import keep_older, record_path, write_record
 from hil.log.reader import read_frames, read_log_record
+from hil.own_process import version_of
 
 NODE = """
 import sys, time
@@ -305,3 +307,11 @@ def test_a_log_is_a_regular_file(tmp_path: Path, kind: type[FrameLog] | type[Loc
         with pytest.raises(ValueError, match=rf"log must be a regular file; got .*{what}"):
             kind(tmp_path / f"{name}.blf", {})
     assert not list(tmp_path.glob("*.json"))
+
+
+def test_a_slow_git_costs_the_commit_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "git").write_text("#!/bin/sh\nexec sleep 5\n")
+    (tmp_path / "git").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setattr(recorder, "_GIT_S", 0.1)
+    assert recorder.code_version() == version_of()

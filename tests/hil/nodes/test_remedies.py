@@ -3,7 +3,7 @@
 import pytest
 
 from hil.app.run.loop import TEXT as OF_A_RUN
-from hil.nodes.remedies import REASONS, remedy
+from hil.nodes.receive import REASONS, remedy
 from tests.hil.app.docs.ends import RUN_ENDS
 
 STOPS = (

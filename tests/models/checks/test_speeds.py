@@ -72,6 +72,23 @@ def test_an_encoder_that_slips_is_told_and_taken_out() -> None:
     assert cleaned(record, RIG)["position_m"] == pytest.approx(X, abs=5e-4)
 
 
+def test_a_slip_may_take_a_few_samples_and_a_signal_that_was_held_is_no_slip() -> None:
+    record = axis(X + np.interp(T, [7.0, 7.003], [0.0, 0.02]))
+    assert "1 jump" in told(record)["place_jumps"]
+    assert cleaned(record, RIG)["position_m"] == pytest.approx(X, abs=5e-4)
+    place = axis()["position_m"].copy()
+    place[5000:5300] = place[5000]
+    record = axis().with_column("position_m", place)
+    assert "was lost and held" in told(record)["place_jumps"]
+    assert (cleaned(record, RIG)["position_m"] == place).all()
+
+
+def test_a_fast_sine_has_no_outliers_and_its_force_responds() -> None:
+    fast = 1e-3 * np.sin(2 * np.pi * (5 + T) * T)
+    force = np.gradient(np.gradient(fast, T), T) * 0.02 + 0.3 * np.random.default_rng(0).standard_normal(len(T))
+    assert told(record_of("one", {"t_s": T, "position_m": fast, "force_N": force}, RIG)) == {}
+
+
 def test_a_force_of_inertia_alone_responds() -> None:
     fast = 2e-4 * np.sin(2 * np.pi * (20 + 0.5 * T) * T)
     force = np.gradient(np.gradient(fast, T), T)

@@ -28,6 +28,7 @@ def fourier(orders: range) -> Any:
 
 
 DRIFT = [("t_e", t / (1 + t / t_s))]
+PULL = w**2 * c + 2 * Formula("zeta") * w * (v - Formula("v_l"))  # of a spring and a damper
 TEXTBOOK: dict[str, list[Any]] = {
     # friction: Armstrong-Helouvry 1991; Dieterich 1979 (ageing); Bowden and Tabor, Hertz 1882; Derjaguin 1934
     "stribeck": [equal(LEVEL, 1 + a * exp(-((abs(v) / v_s) ** delta)))],
@@ -72,6 +73,12 @@ TEXTBOOK: dict[str, list[Any]] = {
         equal(Formula("v_l'"), w**2 * e + 2 * Formula("zeta") * w * (v - Formula("v_l"))),
         ("w", PI_2 * f),
         ("w", PI_2 * f),
+    ],
+    "drive_play": [
+        equal(F_EXTRA, -m * np.where(abs(e) > b / 2, PULL, 0)),
+        equal(Formula("e'"), v - Formula("v_l")),
+        equal(Formula("v_l'"), np.where(abs(e) > b / 2, PULL, 0) - Formula("r") * sgn(Formula("v_l"))),
+        *[("w", PI_2 * f), ("c", e - np.clip(e, -b / 2, b / 2))] * 2,
     ],
     # forces: power law of a fluid; Maxwell branch with LuGre's slip (Canudas 1995) and Cross's thinning (1965)
     "viscous_drag": [equal(F_EXTRA, -c * sgn(v) * (abs(v) / v_0) ** n), ("v_0", 0.01)],

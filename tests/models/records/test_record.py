@@ -408,6 +408,9 @@ def test_a_labview_measurement_states_its_units_and_its_clock(tmp_path: Path, wi
     path.write_text(LVM + "\n".join(rows[:60]) + "\n")
     with pytest.raises(ValueError, match="must hold the 100 samples that it states; got 60: it is cut off"):
         read_record(path, mapped(proposed))
+    path.write_text(LVM.replace("Weg\tKraft", "Weg\tX_Value\tKraft") + "0,1\t1\t0,1\t2\n0,2\t1\t0,3\t2\n")
+    with pytest.raises(ValueError, match="line 15: all channels must have one X_Value; got 0,2 and 0,3"):
+        read_record(path, mapped(proposed))
 
 
 def test_a_further_column_that_is_nearly_ours_is_left_out_with_a_word(tmp_path: Path) -> None:

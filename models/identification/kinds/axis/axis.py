@@ -341,7 +341,8 @@ def splits_of(
     """By record, of many by groups of them; where one alone holds a speed, direction or position, by four blocks of
     each record's cycle, of the records `carrying` what the whole tells of a part.
     """
-    groups = [records[k :: SET.axis_groups] for k in range(min(len(records), SET.axis_groups))]
+    count = len(records) if len(records) <= SET.axis_groups else SET.many_groups
+    groups = [records[k::count] for k in range(count)]
     apart = [([r for r in records if r not in group], [*group]) for group in groups]
     if len(records) > 1 and all(may_be_left_out(out, rest) for rest, group in apart for out in group):
         return apart

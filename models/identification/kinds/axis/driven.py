@@ -6,12 +6,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import inf
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 
 from models.checks.usable import counted
-from models.drives.axis_force import AxisForce, AxisTorque
+from models.drives.axis_force import AxisForce, AxisTorque, by
 from models.effects import Catalogue
 from models.effects.effect import Effect
 from models.identification.fitting.fitter import Fitter
@@ -27,6 +28,8 @@ from models.identification.kinds.series.simulation import LAUNCH, launch
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
+from models.rigs.benches import AXIS
+from models.rigs.columns import LOAD_PLACES
 from models.rigs.rig import Rig
 from models.theta import Theta
 
@@ -51,27 +54,38 @@ class DrivenAxisKind(SeriesKind):
     def from_rig(cls, rig: Rig, records: Sequence[Record], holds: bool = True) -> DrivenAxisKind:
         """The axis that a rig file describes; what it leaves out starts at the size of the `records`."""
         c, catalogue = coordinates_for(rig, records), Catalogue.of(rig)
+        std, made = stated_noise(rig, c)[1], AxisTorque if c.turns else AxisForce
+        logged = (n for n in (c.force, *AXIS.may_drive) if records and all(n in r.columns for r in records))
+        driven = next(logged, "" if records else rig.driven)
+        free = rig.axis.constant(driven) is None  # it is then a parameter
+        measured = driven == c.force and not rig.driven  # a sample of which is no command that holds
+        drive = (by(made, driven) if free else made)(holds=holds and not measured)
+        c = replace(c, force=drive.commanded)
+        loads = [name for name in LOAD_PLACES if records and all(name in r.columns for r in records)]
         known = [r for r in records if {c.force, c.position} <= r.columns.keys()]
-        std = stated_noise(rig, c)[1]
-        drive = (AxisTorque if c.turns else AxisForce)(holds=holds)
         if not known:
-            effects = _running(c, None, catalogue)
+            effects, base = _running(c, None, catalogue), (*drive.rail.parameters(), *drive.parameters())
             catalogue = replace(catalogue, variants=effects)
-            return cls(drive.rail, drive, 1.0, drive.rail.parameters(), effects, catalogue=catalogue, coordinates=c)
+            own = cls(drive.rail, drive, 1.0, base, effects, catalogue=catalogue, coordinates=c)
+            return replace(own, beside=MappingProxyType(dict.fromkeys(loads, 1.0)))
         size = size_of(c, known, min(band_of(r["t_s"], r[c.position], std) for r in known))
         scale = SET.axis_scale if rig.noise.force_scale_std is None else rig.noise.force_scale_std
         base = base_of(rig, c, size)
-        if not any(r[c.force].any() for r in known):
-            # a free swing shows ratios to the inertia, which is as stated, else 1
+        if free or not any(r[c.force].any() for r in known):
+            # a free swing, or a current, shows ratios to the inertia, which is as stated, else 1
             inertia, scale = getattr(rig.axis, c.base[0]) or 1.0, 0.0
-            size = replace(size, force=size.acceleration * inertia)
-            base = (replace(base[0], value=inertia, fit=False), *base_of(rig, c, size)[1:])
+            size = replace(size, force=size.acceleration * inertia, command=size.force if free else 0.0)
+            per = size.force / (size.command or size.force)
+            ratio = tuple(replace(p, value=per, lower=1e-3 * per, upper=1e3 * per) for p in drive.parameters())
+            base = (replace(base[0], value=inertia, fit=False), *base_of(rig, c, size)[1:], *ratio)
         effects, step = _running(c, size, catalogue), resolution(known, c.position)
         least = max(SET.axis_finest * (size.high - size.low), step / np.sqrt(12))
         noise = max(series_noise(known, c.position, std), least)
         averaged = max(1, round(SET.axis_mean_s / interval(known[0])))
         catalogue = replace(catalogue, variants=effects)
         kind = cls(drive.rail, drive, noise, base, effects, averaged, step, catalogue=catalogue, coordinates=c)
+        stds = {name: max(series_noise(known, name, None), least) for name in loads}
+        kind = replace(kind, beside=MappingProxyType(stds))
         near = Fitter.of(kind, known, []).near(kind.nominal()).theta
         off = kind.error(known, [kind.predict(r, near) for r in known])
         moved = np.std(np.concatenate([r[c.position] for r in known]))
@@ -102,14 +116,16 @@ class DrivenAxisKind(SeriesKind):
         return self.force_scale_std if {"N", "kg"} & set(re.split("[ /]", p.unit)) else 0.0
 
     def driven(self, record: Record) -> Record:
-        bare, start = super().driven(record), launch(record, self.quantity)
+        bare, start = super().driven(record), launch(record, self.drive.measured)
         return bare.with_columns({name: np.full(len(record), at) for name, at in zip(LAUNCH, start, strict=True)})
 
     def _from_the_start(self, record: Record, outputs: Array) -> Array:
         return outputs
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms of the prediction error over the samples that count."""
+        """Rms of the prediction error over the samples that count; of the load's place, about its mean."""
+        if self.column in self.beside:
+            return super().error(records, predictions)
         off = [(r[self.quantity] - p)[counted(r)] for r, p in zip(records, predictions, strict=True)]
         return float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
 
@@ -134,8 +150,8 @@ def _running(c: Coordinates, size: Size | None, catalogue: Catalogue) -> tuple[t
     """The effects that a run has: all but those of logged inputs, which no step of a run knows, and friction with
     memory, where nothing sticks.
     """
-    known = (effect for effect in candidates(c, size, catalogue) if not {"load", "logged"} & {*effect.needs})
-    return tuple(effect for effect in known if not effect.answers("direction"))
+    known = candidates(c, size, catalogue, driven=True)
+    return tuple(e for e in known if not ({"load", "logged"} & {*e.needs} or e.answers("direction")))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from models.effects import CATALOGUE, Catalogue
+from models.effects.drive import ActuatorDeadZone, ActuatorSaturation
 from models.effects.effect import HOOKS, Effect, Signals, Value, Values, by_name, number
 from models.effects.force import LoadForce, ViscousDrag
 from models.effects.friction import Stribeck, Warming
@@ -17,7 +18,7 @@ from models.identification.kinds.axis.coordinates import Coordinates, turned_nam
 from models.identification.kinds.axis.logged import Logged
 from models.identification.kinds.ranges import Ranges, ranged
 from models.parameter import Parameter
-from models.rigs.benches import AXIS
+from models.rigs.benches import AXIS, DRIVEN_AXIS
 
 TEMPERATURE: Final = "temperature_degC"
 
@@ -45,6 +46,26 @@ class AxisDelay(SensorDelay):
     delay_s = number(0.0, "s", 0.0, 0.01)
 
 
+class AxisSaturation(ActuatorSaturation):
+    """Scale `(1 + (a u_cmd^2)^(1/q))^(-q/2)` of the drive's force, which ends at `1/sqrt(a)`: softly (q = 1), or hard
+    as the limit of a current does (q = 0, as 0.05).
+    """
+
+    grid = by_name(softness=(1.0, 0.25))
+    inverse_square = number(0.0, "1/command^2", 0.0, 1e12, symbol="a")
+    softness = number(1.0, "1", 0.0, 2.0, symbol="q")
+
+    def gain(self, s: Signals, p: Values, z: Values) -> Value:
+        soft = np.maximum(p["softness"], 0.05)
+        return (1 + np.maximum(p["inverse_square"] * s.command**2, 0.0) ** (1 / soft)) ** (-0.5 * soft)
+
+
+class AxisDeadZone(ActuatorDeadZone):
+    """`actuator_dead_zone` of a force, torque, current or voltage of any size."""
+
+    zone = number(0.0, "of the command's unit", 0.0, 1e6, symbol="d")
+
+
 class WarmedBy(Warming):
     """`warming` by a logged temperature: friction falls as the viscosity of a lubricant does."""
 
@@ -61,30 +82,44 @@ class WarmedBy(Warming):
         return np.exp(-p["fall_per_K"] * (s.logged(TEMPERATURE) - 20.0))
 
 
-_OF_RECORDS: Final = ("load_force", "presliding", "torque_ripple", "warming", "elastic_drive")
+_OF_RECORDS: Final = (
+    *("load_force", "presliding", "torque_ripple", "warming", "elastic_drive"),
+    *("actuator_dead_zone", "actuator_saturation", "drive_play"),
+)
 """Effects whose ranges are those of the records, also along a line."""
 VARIANTS: Final[tuple[type[Effect], ...]] = (AxisStribeck, AxisDrag, AxisDelay)
 
 
 @dataclass(frozen=True)
 class Size:
-    """Greatest speed, acceleration and force, lowest and highest position; SI, along or about the axis."""
+    """Greatest speed, acceleration and force, lowest and highest position; SI, along or about the axis; the greatest
+    command where that is no force.
+    """
 
     speed: float
     acceleration: float
     force: float
     low: float
     high: float
+    command: float = 0.0
 
 
 def candidates(
-    c: Coordinates, size: Size | None, catalogue: Catalogue = CATALOGUE, loads: Sequence[Logged] = ()
+    c: Coordinates,
+    size: Size | None,
+    catalogue: Catalogue = CATALOGUE,
+    loads: Sequence[Logged] = (),
+    driven: bool = False,
 ) -> tuple[type[Effect], ...]:
     """The effects that a search tries on an axis, in ranges that follow from its records' `size` where known, of the
-    logged inputs `loads`.
+    logged inputs `loads`; those of a drive too where its force is `driven`.
     """
     warm = (WarmedBy,) if any(one.name == TEMPERATURE for one in loads) else ()
-    declared = [e for e in catalogue.acting_on(AXIS.id, (*VARIANTS, *warm)) if c.turns or "turning" not in e.needs]
+    acting = catalogue.acting_on(AXIS.id, (*VARIANTS, *warm))
+    if driven:
+        more = catalogue.acting_on(DRIVEN_AXIS.id, (AxisDeadZone, AxisSaturation))
+        acting += tuple(effect for effect in more if effect not in acting)
+    declared = [e for e in acting if c.turns or "turning" not in e.needs]
     sized = _sized(declared, c, size)
     return tuple(_of_loads(e, loads, c, size.force if size else 1.0) for e in sized) if loads else sized
 
@@ -129,6 +164,7 @@ def _wider(effect: type[Effect], sized: Ranges) -> Ranges:
 
 def _ranges(size: Size) -> Mapping[str, Ranges]:
     v, f, s = size.speed, size.force, max(size.high - size.low, 1e-9)
+    a, u = size.acceleration, size.command or f
     waves = tuple(float(w) for w in np.geomspace(s / 16, 0.7 * s, 20))
     return {
         "stribeck": Ranges(
@@ -169,7 +205,14 @@ def _ranges(size: Size) -> Mapping[str, Ranges]:
             0.02 * f,
         ),
         "warming": Ranges({"length_m": (3 * s, 0.1 * s, 1e3 * s)}, {"length_m": (s, 10 * s, 100 * s)}),
-        "elastic_drive": Ranges({"load_kg": (0.0, 0.0, 30 * f / size.acceleration)}, probe=0.1 * f / size.acceleration),
+        "actuator_dead_zone": Ranges({"zone": (0.0, 0.0, u)}, probe=0.02 * u),
+        "actuator_saturation": Ranges({"inverse_square": (0.0, 0.0, 20 / u**2)}, probe=1 / u**2),
+        "elastic_drive": Ranges({"load_kg": (0.0, 0.0, 30 * f / a)}, probe=0.1 * f / a),
+        "drive_play": Ranges(
+            {"load_kg": (0.0, 0.0, 30 * f / a), "play_m": (0.01 * s, 0.0, 0.3 * s), "rubbing_m_s2": (0.1 * a, 0.0, a)},
+            {"frequency_Hz": (8.0, 25.0), "play_m": (0.002 * s, 0.01 * s, 0.05 * s)},
+            0.1 * f / a,
+        ),
     }
 
 

@@ -114,6 +114,8 @@ def find_ripple(kind: AxisKind, record: Record, theta: Theta) -> Ripple | None:
     x = kind.signals(record)[c.names[0]]
     e = kind.of_force(record, [theta])[0] * kind.noise(record).weight
     e = e - e.mean()
+    if not e.any():
+        return None
     step = 0.25 / max(float(np.ptp(x)), 1e-6)
     shortest, longest = (SET.pole_min_rad, SET.pole_max_rad) if c.turns else (SET.lead_min_m, SET.lead_max_m)
     waves = np.arange(1 / longest, 1 / shortest, step)

@@ -34,12 +34,13 @@ from models.identification.kinds.series.simulation import Runner
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
-from models.rigs.columns import ACCELERATION
+from models.rigs.columns import ACCELERATION, LOAD_PLACES
 from models.rigs.kinds import KINDS, drive_of, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 from models.theta import Theta
 
+_BESIDE = (ACCELERATION, *LOAD_PLACES)
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
 
@@ -54,7 +55,7 @@ def low_passed(signal: Array, dt: float) -> Array:
 @lru_cache(maxsize=KEPT)
 def _rows(record: Record, column: str) -> NDArray[np.int64]:
     """The rows whose residuals in `column` count."""
-    if column != ACCELERATION:
+    if column not in _BESIDE:
         return np.flatnonzero(counted(record))
     return np.flatnonzero(np.isfinite(record[column]) & (record.columns.get(RUN_IN, 0.0) == 0))
 
@@ -63,8 +64,9 @@ def _rows(record: Record, column: str) -> NDArray[np.int64]:
 class SeriesKind(Kind):
     """A rig whose records are time series of a capsule. `noise_std` is the sensor's; residuals of `averaged` neighbours
     count as one, their mean in units of its own noise, which shows structure below the noise of a sample. `resolution`
-    is the step of a coarse sensor, else 0. `beside` has the noise of each further measured column: of an accelerometer,
-    whose zero is unknown, so that means do not count. Of a kind with a `column` only that one counts.
+    is the step of a coarse sensor, else 0. `beside` has the noise of each further measured column: of an accelerometer
+    or an encoder at the load, whose zero is unknown, so that means do not count. Of a kind with a `column` only that
+    one counts.
     """
 
     surface: Surface
@@ -185,11 +187,8 @@ class SeriesKind(Kind):
         self, record: Record, thetas: Sequence[Theta], memory: float | None, placed: bool = True, fine: bool = True
     ) -> dict[str, Array]:
         """What the sensors show at each of `thetas`, (k, n) by column; under an observer where there is a `memory`."""
-        if ACCELERATION not in self.channels:
-            outputs, more = self._runs(record, thetas, memory, placed, fine), dict[str, Array]()
-        else:
-            more = {ACCELERATION: np.empty((len(thetas), len(record)))}
-            outputs = self._runs(record, thetas, memory, placed, fine, more[ACCELERATION])
+        more = {name: np.empty((len(thetas), len(record))) for name in self.channels if name in self.beside}
+        outputs = self._runs(record, thetas, memory, placed, fine, *more.values())
         return {self.drive.measured: outputs if memory else self._from_the_start(record, outputs), **more}
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
@@ -207,13 +206,13 @@ class SeriesKind(Kind):
 
     def _weighed(self, record: Record, column: str, outputs: Array) -> Array:
         rows, averaged = _rows(record, column), self._averaged(record, column)
-        if column == ACCELERATION:
+        if column in self.beside:
             outputs = outputs + (record[column] - outputs)[:, rows].mean(axis=1, keepdims=True)
         weight = (SET.diverged, self.tail)
         return np.asarray(weighed(outputs, record[column], rows, averaged, self._std(column), *weight))
 
     def _averaged(self, record: Record, column: str) -> int:
-        return 1 if column in self.beside or len(_rows(record, column)) < 2 * self.averaged else self.averaged
+        return 1 if column == ACCELERATION or len(_rows(record, column)) < 2 * self.averaged else self.averaged
 
     def slow(self, records: Sequence[Record], rows: Array) -> Array:
         if not self.beside:
@@ -332,7 +331,7 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
 def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:
     """Standard deviation of the noise of `column`: as stated, unless the records are noisier; never 0."""
     measured = [record for record in records if column in record.columns]
-    own = column == ACCELERATION  # which alone has gaps of its own
+    own = column in _BESIDE  # which has gaps of its own
     values = [r[column][np.isfinite(r[column]) if own else used(r)] for r in measured]
     if not values:
         return stated or SET.no_noise

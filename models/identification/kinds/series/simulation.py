@@ -27,6 +27,7 @@ from models.identification.kinds.series.drive_input import (
     interval,
 )
 from models.identification.settings import SET
+from models.parameter import Name
 from models.records.record import USED, Record
 from models.surfaces.surface import Surface
 from models.theta import Theta
@@ -35,7 +36,14 @@ from models.theta import Theta
 @cache
 def _model(surface: Surface, drive: Drive, effects: tuple[type[Effect], ...]) -> tuple[Assembly, Kernel]:
     assembly = assemble(surface, drive, effects)
-    return assembly, Kernel(assembly.step, assembly.correct, SLOW_S if drive.anchored else NEVER_S)
+    behind = _behind(effects)
+    beside = assembly.states.index(behind) if behind else 1
+    return assembly, Kernel(assembly.step, assembly.correct, SLOW_S if drive.anchored else NEVER_S, beside)
+
+
+def _behind(effects: Sequence[type[Effect]]) -> Name | None:
+    """The state by which a load is behind its drive; None where both have one place."""
+    return next(((effect.id, effect.behind) for effect in effects if effect.behind), None)
 
 
 def _late(effects: Sequence[type[Effect]], theta: Theta) -> float:
@@ -50,8 +58,8 @@ LAUNCH = ("_start_x", "_start_v")
 
 @lru_cache(maxsize=KEPT)
 def launch(record: Record, column: str) -> tuple[float, float]:
-    """Place and speed at the start of a record by its first samples; 0 where nothing was measured. A speed within three
-    standard errors is none.
+    """Place and speed at the start of a record by its first samples; 0 where nothing was measured. An acceleration or a
+    speed within three standard errors is none.
     """
     if LAUNCH[0] in record.columns:
         return float(record[LAUNCH[0]][0]), float(record[LAUNCH[1]][0])
@@ -60,10 +68,15 @@ def launch(record: Record, column: str) -> tuple[float, float]:
     n = min(max(8, round(SET.axis_start_s / interval(record))), len(record))
     t, x = record["t_s"][:n] - record["t_s"][0], record[column][:n]
     powers = np.vander(t / t[-1], 3, increasing=True)
-    fitted, *_ = np.linalg.lstsq(powers, x, rcond=None)
-    left = float(np.sum((x - powers @ fitted) ** 2)) / max(n - 3, 1)
-    error = float(np.sqrt(left * np.linalg.inv(powers.T @ powers)[1, 1]))
-    return float(fitted[0]), float(fitted[1] / t[-1]) if abs(fitted[1]) > 3 * error else 0.0
+    kept = [0, 1, 2]
+    for k in (2, 1):
+        some = powers[:, kept]
+        fitted, *_ = np.linalg.lstsq(some, x, rcond=None)
+        left = float(np.sum((x - some @ fitted) ** 2)) / max(n - len(kept), 1)
+        if abs(fitted[k]) <= 3 * np.sqrt(left * np.linalg.inv(some.T @ some)[k, k]):
+            kept.remove(k)
+    fitted, *_ = np.linalg.lstsq(powers[:, kept], x, rcond=None)
+    return float(fitted[0]), float(fitted[1] / t[-1]) if 1 in kept else 0.0
 
 
 @lru_cache(maxsize=KEPT)
@@ -87,11 +100,11 @@ class Runner:
         memory: float | None,
         placed: bool = True,
         fine: bool = True,
-        accelerations: Array | None = None,
+        beside: Array | None = None,
     ) -> Array:
         """The output (len(thetas), samples) at each of `thetas`; those with the same effects and switch delay run side
-        by side. Where `placed`, the body starts where it was measured. `accelerations` of the same shape, if given, get
-        the mean ones in m/s2 over the interval before each sample.
+        by side. Where `placed`, the body starts where it was measured. `beside` of the same shape, if given, gets the
+        mean accelerations in m/s2 over the interval before each sample, of a launched body the places of its load.
         """
         alike: dict[tuple[tuple[str, ...], float], list[int]] = {}
         for i, theta in enumerate(thetas):
@@ -105,18 +118,23 @@ class Runner:
             for k in range(0, len(members), LANES):
                 some = members[k : k + LANES]
                 at = [thetas[i] for i in some]
-                wide = accelerations is not None
+                wide = beside is not None and (_behind(active) is not None or not self.drive.launched)
                 shown, late = self._side_by_side(even, fed, active, at, memory, placed, wide)
                 clock, same, rows = even["t_s"], even is record, np.array(some)
                 sampled(fed.samples(shown[:, :LANES]), clock, record["t_s"], late, same, rows, outputs)
-                if accelerations is not None:
-                    passed = [theta.get(ACCELERATION_LOWPASS, 0.0) / fed.dt for theta in at]
-                    for lane, steps in enumerate(passed):
-                        shown[:, LANES + lane] = lagging(shown[:, LANES + lane], steps)
-                    v = fed.samples(shown[:, LANES:])
-                    mean = np.diff(v, axis=0, prepend=v[:1]) / (fed.every * fed.dt)
-                    late = np.array([theta.get(ACCELERATION_CLOCK, 0.0) for theta in at])
-                    sampled(mean, clock, record["t_s"], late, same, rows, accelerations)
+                if beside is None:
+                    continue
+                if self.drive.launched:
+                    load = shown[:, :LANES] - shown[:, LANES:] if wide else shown
+                    sampled(fed.samples(load), clock, record["t_s"], np.zeros(LANES), same, rows, beside)
+                    continue
+                passed = [theta.get(ACCELERATION_LOWPASS, 0.0) / fed.dt for theta in at]
+                for lane, steps in enumerate(passed):
+                    shown[:, LANES + lane] = lagging(shown[:, LANES + lane], steps)
+                v = fed.samples(shown[:, LANES:])
+                mean = np.diff(v, axis=0, prepend=v[:1]) / (fed.every * fed.dt)
+                late = np.array([theta.get(ACCELERATION_CLOCK, 0.0) for theta in at])
+                sampled(mean, clock, record["t_s"], late, same, rows, beside)
         return outputs
 
     def _side_by_side(
@@ -130,7 +148,7 @@ class Runner:
         wide: bool,
     ) -> tuple[Array, Array]:
         """The loop's outputs, a column each of `thetas` and the last repeated, and each one's delay in s; where `wide`,
-        the speeds beside them.
+        the kernel's states beside them.
         """
         assembly, kernel = _model(self.surface, self.drive, active)
         lanes = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]

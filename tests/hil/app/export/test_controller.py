@@ -22,7 +22,7 @@ from hil.app.scenario.deployment import load_deployment
 from models.identification.model import Model
 from tests.hil.app.export.conftest import BASE, FOLDS
 from tests.hil.app.export.native import led, native
-from tests.hil.app.export.tools import HERE, WARNINGS, done, tool
+from tests.hil.app.export.tools import WARNINGS, done, tool
 from tests.places import ROOT
 
 SHIPPED = ROOT / "examples" / "deployment"
@@ -172,7 +172,7 @@ def test_a_found_model_leads(made: Callable[..., Path], tmp_path: Path) -> None:
 @pytest.mark.parametrize("way", WAYS)
 def test_no_warnings(way: str, compiler: str, made: Callable[..., Path], tmp_path: Path) -> None:
     folder, cc = made(way), tool(compiler)
-    for path in [*folder.glob("*.c"), *folder.glob("node/*.c"), folder / "test" / "replay.c", folder / "m7" / "bare.c"]:
+    for path in [*folder.glob("*.c"), *folder.glob("node/*.c"), *folder.glob("test/*.c"), folder / "m7" / "bare.c"]:
         flags = [*WARNINGS, *flags_of(folder), "-I.", "-Inode", "-Idaqp/include"]
         own = [*flags, "-std=gnu99"] if path.name in ON_LINUX else flags
         done([cc, *own, "-O2", "-c", path, "-o", tmp_path / "made.o"], folder)
@@ -221,19 +221,19 @@ def written_by_hand(folder: Path) -> list[Path]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("way", "compiler"), [("feedforward", "gcc"), ("mpc", "clang"), ("mpc --float32", "gcc"), ("vibro", "clang")]
+    ("way", "compiler", "form"),
+    [
+        ("feedforward", "gcc", "controller"),
+        ("feedforward", "clang", "estimator"),
+        ("mpc", "clang", "controller"),
+        ("mpc --float32", "gcc", "controller"),
+        ("coil", "clang", "controller"),
+        ("vibro", "gcc", "controller"),
+    ],
 )
-def test_any_bits_may_come_in(way: str, compiler: str, made: Callable[..., Path], tmp_path: Path) -> None:
-    assert "led" in sanitised(made(way), tool(compiler), tmp_path, 4000)
-
-
-def sanitised(folder: Path, cc: str, out: Path, ticks: int, seed: int = 1) -> str:
-    """What `random_bits.c` says of a folder under the sanitizers of addresses and of undefined behaviour."""
-    checks = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g", "-O1"]
-    sources = [*folder.glob("*.c"), *folder.glob("daqp/src/*.c"), HERE / "random_bits.c"]
-    more = [*flags_of(folder), "-I.", "-Idaqp/include"]
-    done([cc, "-std=c99", "-w", *checks, *more, *sources, "-lm", "-o", out / "random_bits"], folder)
-    return done([out / "random_bits", str(ticks), str(seed)], out, 3600.0)
+def test_any_bits_may_come_in(way: str, compiler: str, form: str, made: Callable[..., Path], tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(made(way, form), tmp_path / "folder"))
+    assert "4000 ticks" in done([tool("make"), "fuzz", f"CC={tool(compiler)}", "TICKS=4000"], folder, 600.0)
 
 
 @pytest.mark.slow
@@ -393,11 +393,12 @@ def test_refusals_are_a_sentence(
     assert not (tmp_path / "o").exists()
 
 
+@pytest.mark.parametrize("way", ["feedforward", "mpc"])
 def test_missing_sources_of_daqp_are_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
-    assert run(["export", "controller", str(deployment(tmp_path, "mpc")), "--out", str(tmp_path / "o")]) == 2
+    assert run(["export", "controller", str(deployment(tmp_path, way)), "--out", str(tmp_path / "o")]) == 2
     assert "make setup" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
 
@@ -412,10 +413,14 @@ def test_no_compiler_is_said(
 
 
 def test_json_names_the_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a deployment with authenticated frames, which the folder's node does not speak: a note says so."""
     tool("cc")
-    out = tmp_path / "o"
-    assert run(["export", "controller", str(deployment(tmp_path, "feedforward")), "--out", str(out), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    out, path = tmp_path / "o", deployment(tmp_path, "feedforward")
+    path.write_text(path.read_text().replace("fd = false", 'fd = true\nkey_file = "bus.key"'))
+    assert run(["export", "controller", str(path), "--out", str(out), "--json"]) == 0
+    said = capsys.readouterr()
+    assert "capsule.dbc alone" in said.err
+    found = json.loads(said.out)
     assert all(Path(file).is_file() for file in found["files"])
     assert {"controller.h", "Makefile", "CMakeLists.txt", "README.md"} <= {path.name for path in out.iterdir()}
     assert found["ticks"] == TICKS

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-HERE = Path(__file__).parent
-
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-ffp-contract=off")
 
 

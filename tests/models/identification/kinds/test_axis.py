@@ -12,13 +12,13 @@ from models.checks.usable import used
 from models.effects.effect import Effect
 from models.formula import line_text
 from models.identification.fitting.fitter import Fitter
-from models.identification.kinds import ready
+from models.identification.kinds import kind_for, ready
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.axis.moved import CARRIED
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
 from models.identification.kinds.reports import axis as report
 from models.identification.kinds.reports.axis import find_ripple
-from models.records.record import Record
+from models.records.record import Record, record_of
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
 from models.theta import Theta, bare
@@ -235,6 +235,15 @@ def test_measured_stage_has_a_delay_and_a_shear_thinning_film_that_hold_on_the_p
     words = report.statements(KIND, {"calibrated": TRUE, "augmented": full}, [train])
     assert any("opposite of Stribeck" in w for w in words)
     assert any("2.5" in w and "mm" in w for w in words)
+
+
+def test_motion_of_noise_alone_has_no_ripple() -> None:
+    noise, rig = np.random.default_rng(0).standard_normal((2, 2400)), Rig("axis")
+    still = {"t_s": 0.005 * np.arange(2400), "position_m": 1e-6 * noise[0], "force_N": 0.1 * noise[1]}
+    record = ready(record_of("still", still, rig), rig)
+    kind = kind_for(rig, [record])
+    assert isinstance(kind, AxisKind)
+    assert find_ripple(kind, record, kind.nominal()) is None
 
 
 def test_ripple_is_found_where_there_is_one_only() -> None:

@@ -143,12 +143,13 @@ def test_a_model_of_one_direction_predicts_in_the_other(emps: tuple[Record, Any,
 
 
 def test_a_run_and_the_inverse_dynamics_have_the_same_effects() -> None:
-    """But those of a logged load; an effect's hooks are one declaration."""
+    """But those of a logged load, and of the drive; an effect's hooks are one declaration."""
     record = read_record(EMPS / "train.csv", DRIVEN)
     plain = parse_rig({"rig": {"kind": "axis"}})
     driven, imposed = kind_for(DRIVEN, [record]), kind_for(plain, [read_record(EMPS / "train.csv", plain)])
     ids = {e.id for e in imposed.effects if not {"load", "logged"} & {*e.needs}} - {"presliding"}
-    assert {effect.id for effect in driven.effects} == ids
+    drives = {"actuator_lag", "actuator_saturation", "actuator_dead_zone"}
+    assert {effect.id for effect in driven.effects} == ids | drives
     s = Signals(t=0.1, x=0.02, v=0.01, direction=1.0)
     for name in ids:
         one, other = driven.declared(name), imposed.declared(name)

@@ -25,22 +25,29 @@
 #define GIVE_UP_S 5.0 /* in which the drive must be enabled */
 #define REST_S 0.2    /* ticked on after the stop */
 #define MOST_FRAMES 256
+#define OLDEST_NS 100000000 /* age of a kernel's stamp, beyond which the frame's arrival counts */
 #define BINS 10000 /* of lateness, 1 us each */
 
 static node here;
 static volatile sig_atomic_t wanted;
 static long late_us[BINS], ticks, unsent;
+static int64_t origin_ns;
 
 static void asked(int number) { wanted = number; }
 
 /* The number nearest to `ns`, as a log's digits are read back. */
 static double of_ns(int64_t ns) { return (double)ns / 1e9; }
 
-static double seconds(clockid_t clock) {
+static int64_t whole_ns(const struct timespec *t) { return (int64_t)t->tv_sec * 1000000000 + t->tv_nsec; }
+
+static int64_t ns_by(clockid_t clock) {
     struct timespec t;
     clock_gettime(clock, &t);
-    return of_ns((int64_t)t.tv_sec * 1000000000 + t.tv_nsec);
+    return whole_ns(&t);
 }
+
+/* Time in s since the node began: effects over time count from there. */
+static double seconds(void) { return of_ns(ns_by(CLOCK_MONOTONIC) - origin_ns); }
 
 static int opened(const char *channel) {
     struct ifreq request;
@@ -59,8 +66,8 @@ static int opened(const char *channel) {
     return bus;
 }
 
-/* Takes in the waiting frames; the kernel stamps them by the wall clock, `offset_s` ahead of the node's. */
-static void listen_to(int bus, double offset_s) {
+/* Takes in the waiting frames; the kernel stamps them by the wall clock. */
+static void listen_to(int bus) {
     for (int k = 0; k < MOST_FRAMES; k++) {
         struct can_frame got;
         char control[CMSG_SPACE(sizeof(struct timeval))];
@@ -72,13 +79,15 @@ static void listen_to(int bus, double offset_s) {
         message.msg_control = control;
         message.msg_controllen = sizeof control;
         if (recvmsg(bus, &message, 0) != (ssize_t)sizeof got) return;
-        double stamp_s = seconds(CLOCK_MONOTONIC);
+        int64_t age_ns = 0;
         for (struct cmsghdr *c = CMSG_FIRSTHDR(&message); c; c = CMSG_NXTHDR(&message, c)) {
             if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_TIMESTAMP) continue;
             struct timeval t;
             memcpy(&t, CMSG_DATA(c), sizeof t);
-            stamp_s = of_ns(llround(1e9 * ((double)t.tv_sec + 1e-6 * (double)t.tv_usec - offset_s)));
+            age_ns = ns_by(CLOCK_REALTIME) - ((int64_t)t.tv_sec * 1000000 + t.tv_usec) * 1000;
         }
+        const double age_s = age_ns >= 0 && age_ns <= OLDEST_NS ? of_ns(age_ns) : 0.0;
+        const double stamp_s = of_ns(llround(1e9 * fmax(seconds() - age_s, 0.0)));
         if (got.can_id & (CAN_EFF_FLAG | CAN_RTR_FLAG | CAN_ERR_FLAG)) continue;
         log_frame(stamp_s, got.can_id, got.data, got.can_dlc, 'R');
         node_hear(&here, got.can_id, got.data, got.can_dlc, stamp_s);
@@ -108,14 +117,14 @@ static double ticked(int bus, struct timespec *due) {
     }
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, due, NULL) == EINTR) {
     }
-    const double now = seconds(CLOCK_MONOTONIC), due_s = (double)due->tv_sec + 1e-9 * (double)due->tv_nsec;
+    const double now = seconds(), due_s = of_ns(whole_ns(due) - origin_ns);
     const double skipped = floor((now - due_s) / NODE_TICK_S); /* ticks that were slept through are not caught up */
     due->tv_nsec += tick_ns * (long)skipped;
     say(bus, now, frames, node_begin(&here, now, frames));
-    listen_to(bus, seconds(CLOCK_REALTIME) - seconds(CLOCK_MONOTONIC));
+    listen_to(bus);
     say(bus, now, frames, node_tick(&here, now, frames));
     log_tick();
-    const long us = lround(1e6 * (seconds(CLOCK_MONOTONIC) - due_s));
+    const long us = lround(1e6 * (seconds() - due_s));
     late_us[us < BINS ? us : BINS - 1]++;
     ticks++;
     return now;
@@ -131,9 +140,13 @@ static long percentile_us(double share) {
 int main(int argc, char **argv) {
     const double lasts_s = argc > 2 ? atof(argv[2]) : NODE_DURATION_S;
     const int bus = argc > 1 ? opened(argv[1]) : -1;
-    if (bus < 0 || !(lasts_s > 0.0)) {
-        fprintf(stderr, "usage: node CHANNEL [SECONDS [LOG]], a CAN interface that is up and a time above 0; got %s: %s\n",
-                argc > 1 ? argv[1] : "nothing", strerror(errno));
+    if (bus < 0) {
+        fprintf(stderr, "node CHANNEL [SECONDS [LOG]] must name a CAN interface that is up; got %s: %s\n",
+                argc > 1 ? argv[1] : "none", argc > 1 ? strerror(errno) : "no argument");
+        return 2;
+    }
+    if (!(lasts_s > 0.0)) {
+        fprintf(stderr, "SECONDS must be a time above 0; got %s\n", argv[2]);
         return 2;
     }
     if (argc > 3 && !log_begin(argv[3])) {
@@ -148,6 +161,7 @@ int main(int argc, char **argv) {
     node_init(&here);
     struct timespec due;
     clock_gettime(CLOCK_MONOTONIC, &due);
+    origin_ns = whole_ns(&due);
     const double began = ticked(bus, &due);
     double now = began, led_s = INFINITY;
     while (!wanted && now - began < LISTEN_S && (now - began < 0.3 || node_doubt(&here, now)[0]))

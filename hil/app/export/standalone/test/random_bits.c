@@ -1,4 +1,4 @@
-/* Ticks with any bits as inputs: `random_bits TICKS SEED`. Commands must be finite and within the range. */
+/* Ticks with any bits as inputs: `random_bits TICKS SEED`. Every command must be finite and within the range. */
 #include "controller.h"
 
 #include <math.h>
@@ -53,26 +53,37 @@ static void spoiled(capsule_in *in) {
 int main(int argc, char **argv) {
     static capsule_state state;
     static capsule_in in;
-    static capsule_out out;
     const unsigned long ticks = argc > 1 ? strtoul(argv[1], NULL, 10) : 1000;
     state64 = argc > 2 ? strtoull(argv[2], NULL, 10) : 1;
     unsigned long led = 0, begun = 0;
+#ifndef CAPSULE_ESTIMATOR_ONLY
+    static capsule_out out;
+#endif
     double time_s = 0.0, place_m = 0.0;
     for (unsigned long k = 0; k < ticks; k++) {
         if (k % 1000 == 0) {
+#ifdef CAPSULE_ESTIMATOR_ONLY
+            capsule_estimator_init(&state.estimator, &capsule_deployment, time_s, (real)place_m);
+#else
             capsule_init(&state, &capsule_deployment, time_s, (real)place_m);
+#endif
             begun++;
         }
         time_s += (double)capsule_deployment.tick_s;
         place_m += near(1e-5);
         sound(&in, time_s, place_m, k);
         if (k % 1000 > 500 && draw() % 3 == 0) spoiled(&in);
+#ifdef CAPSULE_ESTIMATOR_ONLY
+        capsule_estimate(&state.estimator, &in);
+        led += !state.estimator.belief.lost && isfinite(state.estimator.belief.state[0]);
+#else
         capsule_step(&state, &in, &out);
         led += out.status == CAPSULE_OK || out.status == CAPSULE_LIMITED;
         if (!(out.command >= capsule_deployment.low && out.command <= capsule_deployment.high)) {
             printf("tick %lu: command %g\n", k, (double)out.command);
             return 1;
         }
+#endif
     }
     printf("%lu ticks, %lu begins, %lu led\n", ticks, begun, led);
     return led < ticks / 100;

@@ -34,8 +34,8 @@ class Trajectory:
         return np.asarray(np.interp(np.asarray(t, dtype=float) / STEP_S, self._grid, self.positions))
 
     def speed(self, t: Array) -> Array:
-        at = np.asarray(t, dtype=float) / STEP_S + (1 + 1e-9)
-        return np.asarray(self._speeds.take(at.astype(np.int64), mode="clip"))
+        at = np.minimum(np.maximum(np.asarray(t, dtype=float) / STEP_S + (1 + 1e-9), 0.0), float(self.positions.size))
+        return np.asarray(self._speeds[at.astype(np.int64)])
 
     @cached_property
     def _grid(self) -> Array:

@@ -43,7 +43,9 @@ def test_plant_and_controller_meet_on_the_local_bus(tmp_path: Path, capsys: pyte
             plant.terminate()
             assert plant.stdout.read() == ""
         found = json.loads(done.stdout)
-        if found["ended"] not in HELD_UP:
+        if (
+            found["ended"] not in HELD_UP and "the carriage reports" not in found["ended"]
+        ):  # of a plant held up meanwhile
             break
     assert (found["ended"], done.returncode, plant.returncode) == ("done", 0, 0)
     assert run(["replay", str(log)]) == 0

@@ -67,7 +67,7 @@ def test_the_nearest_unit_is_named() -> None:
 
 NUMBERED = [f"load_{number}" for number in range(2, 10)]
 MEASURED_IN = {
-    "m": ["position", "carriage_position"], "rad": ["angle"], "s": ["t", "period"],
+    "m": ["position", "carriage_position", "load_position"], "rad": ["angle", "load_angle"], "s": ["t", "period"],
     "m/s": ["velocity", "mean_velocity"], "rad/s": ["velocity"], "m/s2": ["acceleration"],
     "N": ["force", "load", "peak", "valley"], "N m": ["torque", "load"], "A": ["coil_current"],
     "V": ["coil_voltage"], "Hz": ["frequency"], "Pa": ["storage_modulus", "loss_modulus", "pressure"],

@@ -12,7 +12,6 @@ DECLARED: Final = ("models/rigs", "models/effects", "controller/drives.py", "pla
 LEFT: Final[Mapping[str, str]] = {
     "hil/api.py": "an example in a docstring",
     "hil/app/demo/example.py": "the rig files that the demo writes",
-    "hil/app/papers/analytical.py": "the words of a row",
     "models/drives/coil.py": "a drive's own name",
     "models/drives/magnetic.py": "a drive's own name",
     "models/drives/pull.py": "a drive's own name",

@@ -148,7 +148,7 @@ def test_a_run_and_the_inverse_dynamics_have_the_same_effects() -> None:
     plain = parse_rig({"rig": {"kind": "axis"}})
     driven, imposed = kind_for(DRIVEN, [record]), kind_for(plain, [read_record(EMPS / "train.csv", plain)])
     ids = {e.id for e in imposed.effects if not {"load", "logged"} & {*e.needs}} - {"presliding"}
-    drives = {"actuator_lag", "actuator_saturation", "actuator_dead_zone"}
+    drives = {"actuator_lag", "actuator_saturation", "actuator_dead_zone", "drive_play"}
     assert {effect.id for effect in driven.effects} == ids | drives
     s = Signals(t=0.1, x=0.02, v=0.01, direction=1.0)
     for name in ids:

@@ -41,9 +41,17 @@ class Active:
 
     def command(self, s: Signals) -> Any:
         """The command through all effects, one after the other."""
+        return self._passed("command", s)
+
+    def direction(self, s: Signals) -> Any:
+        """What an axis's friction follows, through all effects."""
+        return self._passed("direction", s)
+
+    def _passed(self, signal: str, s: Signals) -> Any:
+        """A `signal` through the hook of its name of all effects."""
         for e, p, z in self._each():
-            s = replace(s, command=e.command(s, p, z))
-        return s.command
+            s = replace(s, **{signal: getattr(e, signal)(s, p, z)})
+        return getattr(s, signal)
 
     def through(self, hook: str, s: Signals, value: Any, *more: Any) -> Any:
         """`value` through the `hook` of all effects, one after the other: a reading, or a speed of the wall."""

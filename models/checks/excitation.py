@@ -55,15 +55,18 @@ class Excitation:
     @cached_property
     def little_turn(self) -> bool:
         """Whether an axis turns by less than a quarter turn in all records together."""
-        places = [view.record[view.moving_column] for view in self.views if view.turns]
-        return bool(places) and max(x.max() for x in places) - min(x.min() for x in places) < np.pi / 2
+        return all(view.turns for view in self.views) and self.travel < np.pi / 2
+
+    @cached_property
+    def travel(self) -> float:
+        """From the lowest to the highest position of all records, in m (rad)."""
+        places = [view.record[view.moving_column] for view in self.views]
+        return max(float(x.max()) for x in places) - min(float(x.min()) for x in places)
 
     @cached_property
     def lacking(self) -> dict[str, str]:
         """What effects may name in `needs` and the series does not offer, by name, with a sentence."""
         (low, high), (view, *_) = self.speeds, self.views
-        positions = [view.record[view.moving_column] for view in self.views]
-        travel = max(float(x.max()) for x in positions) - min(float(x.min()) for x in positions)
         longest, rate = max(float(v.t[-1] - v.t[0]) for v in self.views), min(1 / view.dt for view in self.views)
         surface, names = view.rig.surface, [name for name in view.record.layout.optional if name in LOADS]
         there = [n for n in names if all(n in v.record.columns for v in self.views)]
@@ -75,7 +78,7 @@ class Excitation:
             "both_ways": len({sign for strokes in self._strokes for _, _, sign in strokes}) == 2,
             "reversals": self.reversals,
             "speeds": high > SET.speeds_range * low,
-            "places": travel > SET.travel_m,
+            "places": self.travel > SET.travel_m,
             "rests": self.rests,
             "time": longest > SET.long_s,
             "load": any(high > SET.speeds_range * low for low, high in ends),
@@ -86,7 +89,7 @@ class Excitation:
         }
         values = {
             "speed": view.length(float(high), "/s"),
-            "travel": view.length(travel),
+            "travel": view.length(self.travel),
             "rest": SET.rest_s,
             "rate": rate,
         }

@@ -26,7 +26,7 @@ from models.words.sentences import Quantity, Sentences
 from models.workers import each
 
 TEXT: Final = Sentences(__file__)
-_PLACE_RATES: Final = ("position_m rate", "angle_rad rate")
+_PLACES: Final = ("position_m", "angle_rad")
 
 
 def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
@@ -162,7 +162,7 @@ def _longest_s(records: Sequence[Record]) -> float:
 
 
 def _places(records: Sequence[Record]) -> list[np.ndarray]:
-    return [r[column] for r in records for column in ("position_m", "angle_rad") if column in r.columns]
+    return [r[column] for r in records for column in _PLACES if column in r.columns]
 
 
 def _way(records: Sequence[Record]) -> float:
@@ -176,7 +176,8 @@ def _way(records: Sequence[Record]) -> float:
 
 def _path(records: Sequence[Record]) -> float:
     """The longest path of a record, from means over 0.1 s: noise moves nothing."""
-    paths = [np.abs(y).sum() for r in records for name, y in signals_of(r).items() if name in _PLACE_RATES]
+    rates = (own[f"{name} rate"] for own in map(signals_of, records) for name in _PLACES if f"{name} rate" in own)
+    paths = [np.abs(rate).sum() for rate in rates]
     return float(max(paths, default=np.inf))
 
 

@@ -149,7 +149,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
         sources.update(find_columns(str(path), rig, header, units, driven_only))
         return [source.column for target, source in sources.items() if source.column and target not in _free(kind)]
 
-    sparse = (*_sparse(kind), *_paced(kind))
+    sparse = _may_be_empty(kind)
     table = read_table(
         path,
         check,
@@ -186,8 +186,7 @@ def record_of(
         if target in _free(KINDS[rig.kind]) or not source.column:
             continue
         values = columns[source.column]
-        sparse = (*_sparse(KINDS[rig.kind]), *_paced(KINDS[rig.kind]))
-        wrong = np.isinf(values) if target in sparse else ~np.isfinite(values)
+        wrong = np.isinf(values) if target in _may_be_empty(KINDS[rig.kind]) else ~np.isfinite(values)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
@@ -205,6 +204,11 @@ def _sparse(kind: RigKind) -> tuple[str, ...]:
 def _paced(kind: RigKind) -> tuple[str, ...]:
     """Columns of ours that may be empty where others are not: single stamps, and what has a clock of its own."""
     return (TIME, *(name for one in kind.layouts if one.time for names in one.driven for name in names))
+
+
+def _may_be_empty(kind: RigKind) -> tuple[str, ...]:
+    """Columns of ours whose cells may be empty."""
+    return (*_sparse(kind), *_paced(kind))
 
 
 def _free(kind: RigKind) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Text logs give the record of the log itself: candump's screen, dates, differences, negative stamps of ASC."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -49,20 +49,23 @@ def test_a_text_gives_the_record_of_the_log(tmp_path: Path, text: str) -> None:
     assert any("differences" in note for note in found.notes) == ("differences" in text)
 
 
+def asc(path: Path, form: str, stamps: Sequence[float]) -> Path:
+    """`FRAMES` at `stamps` that are absolute or relative."""
+    head = ["date Sun Mar 1 12:30:00.000 2026", f"base hex  timestamps {form}", "internal events logged"]
+    pairs = zip(stamps, FRAMES, strict=True)
+    rows = [f"{at:10.6f} 1  {one.id:X}             Rx   d {len(one.data)} {data(one)}" for at, one in pairs]
+    path.write_text("\n".join([*head, *rows]) + "\n")
+    return path
+
+
 def test_asc_with_negative_stamps_has_all_its_frames(tmp_path: Path) -> None:
-    head = ["date Sun Mar 1 12:30:00.000 2026", "base hex  timestamps absolute", "internal events logged"]
-    rows = [f"{one.time_s - 1:10.6f} 1  {one.id:X}             Rx   d {len(one.data)} {data(one)}" for one in FRAMES]
-    (tmp_path / "a.asc").write_text("\n".join([*head, *rows]) + "\n")
-    found = log_record(tmp_path / "a.asc", Rig("magnetic"))
+    found = log_record(asc(tmp_path / "a.asc", "absolute", [one.time_s - 1 for one in FRAMES]), Rig("magnetic"))
     wanted = log_record(blf(tmp_path / "a.blf", FRAMES), Rig("magnetic"))
     assert found["t_s"] + 1 == pytest.approx(wanted["t_s"], abs=3e-6)
 
 
 def test_asc_of_differences_is_summed(tmp_path: Path) -> None:
-    head = ["date Sun Mar 1 12:30:00.000 2026", "base hex  timestamps relative", "internal events logged"]
-    rows = [f"{steps(one):10.6f} 1  {one.id:X}             Rx   d {len(one.data)} {data(one)}" for one in FRAMES]
-    (tmp_path / "a.asc").write_text("\n".join([*head, *rows]) + "\n")
-    found = log_record(tmp_path / "a.asc", Rig("magnetic"))
+    found = log_record(asc(tmp_path / "a.asc", "relative", [steps(one) for one in FRAMES]), Rig("magnetic"))
     wanted = log_record(blf(tmp_path / "a.blf", FRAMES), Rig("magnetic"))
     assert found["t_s"] == pytest.approx(wanted["t_s"], abs=3e-6)
     assert any("differences" in note for note in found.notes)

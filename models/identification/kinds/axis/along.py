@@ -2,18 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache, reduce
-from operator import mul
+from functools import lru_cache
 from typing import Any, Final, cast
 
 import casadi as ca
 import numpy as np
 from numba import njit
 
+from models.assembly.effects import Active
 from models.compiled.machine_code import Code, addresses, call
 from models.effects.effect import Effect, Signals
 from models.identification.kind import Array
 from models.identification.kinds.axis.zero_phase import AxisMotion
+from models.parameter import Name
 
 LANES: Final = 8
 _SEEN: Final = ("t", "x", "v", "direction", "travelled")
@@ -62,18 +63,14 @@ def _program(effects: tuple[type[Effect], ...], loads: tuple[str, ...]) -> tuple
         load=logged[0] if logged else 0.0,
         loads=dict(zip(loads, logged, strict=True)),
     )
-    acting = []
-    for effect in effects:
-        p = {q.name: own[known.index((effect.id, q.name))] for q in effect.parameters()}
-        before = {name: z[named.index((effect.id, name))] for name in effect.states}
-        acting.append((effect(), p, effect().advance(replace(s, v=speed), p, before, h) if before else {}))
-    sign = reduce(lambda way, one: one[0].direction(replace(s, direction=way), *one[1:]), acting, s.direction)
-    level: Any = reduce(mul, (e.level(s, p, now) for e, p, now in acting), 1.0)
-    extra: Any = sum(e.force(s, p, now) for e, p, now in acting)
-    force: Any = base[0] * a + (base[1] * s.v + base[2] * sign) * level + base[3] - extra
-    for e, p, now in acting:
-        force = e.measured(s, p, now, force)
-    after = ca.vertcat(*(now[name] for e, _, now in acting for name in e.states))
+    acting = Active.of(effects, _by_name(known, own), _by_name(named, z)).advance(replace(s, v=speed), h)
+    friction = (base[1] * s.v + base[2] * acting.direction(s)) * acting.product("level", s)
+    force = acting.through("measured", s, base[0] * a + friction + base[3] - acting.total("force", s))
+    after = ca.vertcat(*(acting.z[name] for name in named))
     step = ca.Function("row", [z, base, own, a, speed, h, *seen, *logged], [force, ca.SX(after)])
     first, last = len(named), len(named) + 4 + len(known)
     return addresses([Code(step, {0: 0, 1: first, 2: first + 4}, (last, 0))], LANES)[0], first
+
+
+def _by_name(names: Sequence[Name], values: ca.SX) -> dict[Name, Any]:
+    return {name: values[k] for k, name in enumerate(names)}

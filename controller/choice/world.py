@@ -9,7 +9,6 @@ import numpy as np
 
 from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
-from controller.step.model_code import plain
 from models.theta import bare
 
 CURRENT: Final = "coil_current_A"
@@ -50,7 +49,7 @@ class ModelWorld:
         self._push_N = self._pushing.force_N * self._luck.standard_normal(1)
         self._keep = math.exp(-sharp.tick_s / self._pushing.time_s)
         self._kernels, self._gap_m = sharp.kernels, sharp.drive.gap_limit_m if sharp.drive.anchored else None
-        self._place = None if plain(sharp) else sharp.measured
+        self._place = None if sharp.placed else sharp.measured
         self._states = np.ascontiguousarray(sharp.initial(place_m, command)[None, :])
         self._command, self._seen, self._begin_s = command, seen, begin_s
         self._rng, self._samples = np.random.default_rng(seed), 0

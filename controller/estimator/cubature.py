@@ -69,7 +69,6 @@ class Process:
         self._walk = np.array(walks) ** 2 * model.tick_s
         x, t = ca.SX.sym("x", len(model.states)), ca.SX.sym("t")
         shown = model.measured(x, t)
-        self._plain = bool(ca.is_equal(ca.simplify(shown), x[0], 2))
         self._seen = ca.Function("seen", [x, t], [shown, ca.gradient(shown, x)])
         n = len(self.names)
         self._scale, self._which = math.sqrt(n), np.array([self.level.index])
@@ -102,7 +101,7 @@ class Process:
 
     def shown(self, b: Belief) -> float:
         """The reading of the localisation in m at `b`."""
-        return float(b.z[0] if self._plain else self._seen(self.state(b), b.time_s)[0])
+        return float(b.z[0] if self.model.placed else self._seen(self.state(b), b.time_s)[0])
 
     def see(self, b: Belief, value: float, state: Name | None = None) -> float:
         """Use a localisation, or a reading of the `state`, in place; its signed normalised innovation."""
@@ -117,7 +116,7 @@ class Process:
         self._H[:] = 0.0
         self._H[row or 0] = 1.0
         expected = float(b.z[row or 0])
-        if row is None and not self._plain:
+        if row is None and not self.model.placed:
             shown, slopes = self._seen(self.state(b), b.time_s)
             expected = float(shown)
             self._H[:-2] = np.asarray(slopes).ravel()[self.where]

@@ -56,10 +56,7 @@ class ParticleEstimator(Estimator):
 
     def _shown(self) -> ca.Function | None:
         """The sensor's reading of every particle; None if it is the position."""
-        x, t = ca.SX.sym("x", len(self.model.states)), ca.SX.sym("t")
-        shown = self.model.measured(x, t)
-        plain = bool(ca.is_equal(ca.simplify(shown), x[0], 2))
-        return None if plain else ca.Function("shown", [x, t], [shown]).map(self._size)
+        return None if self.model.placed else self.model.measured.map(self._size)
 
     def _compile(self) -> None:
         """Run everything once, so that the machine code exists before the first tick."""

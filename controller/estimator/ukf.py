@@ -62,7 +62,7 @@ class FilterpyProcess(Process):
 
     def _position(self, z: Array, b: Belief) -> Array:
         """The position that the sensor shows at the point `z` of the estimate `b`, shape (1,)."""
-        if self._plain:
+        if self.model.placed:
             return z[:1]
         state = b.modes.copy()
         state[self.where] = z[:-2]

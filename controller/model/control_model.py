@@ -141,6 +141,12 @@ class ControlModel:
         return ca.Function("measured", [x, t], [self.symbols.measured(x, t, self.values)])
 
     @cached_property
+    def placed(self) -> bool:
+        """Whether the localisation reads the position itself."""
+        x, t = ca.SX.sym("x", len(self.states)), ca.SX.sym("t")
+        return bool(ca.is_equal(ca.simplify(self.measured(x, t)), x[0], 2))
+
+    @cached_property
     def kernels(self) -> Kernels:
         """The step as machine code, cached on disk: only the first use of a kind of model waits."""
         return compile_kernels(self.symbols, self.values, self.tick_s, self.substeps)

@@ -160,12 +160,6 @@ def _sensor(model: ControlModel) -> str:
     return _loop(head, ("t", "q"), "PARTICLES", statements(shown, ["x[{}][k]", "t", _Q], ["shown[k]"]))
 
 
-def plain(model: ControlModel) -> bool:
-    """Whether the localisation reads the position itself."""
-    x, t = ca.SX.sym("x", len(model.states)), ca.SX.sym("t")
-    return bool(ca.is_equal(ca.simplify(model.measured(x, t)), x[0], 2))
-
-
 def _drive(model: ControlModel, envelope: Envelope) -> str:
     """The drive's static force and, without a gap, the command for a force."""
     names = [p.key for p in model.symbols.parameters]
@@ -224,7 +218,7 @@ def model_code(model: ControlModel, envelope: Envelope, varied: Sequence[int], p
         f" {', '.join(str(bare(name)) for name in model.states)}. */",
         '#include "model.h"\n',
         _looped(sharp, varied),
-        "" if plain(sharp) else _sensor(sharp),
+        "" if sharp.placed else _sensor(sharp),
         _step("capsule_sharp_step", sharp.symbols.substep),
         _function(
             "real capsule_sharp_wall(const real *x, real t, const real *q)", ("x", "t", "q"), wall, "    return found;"

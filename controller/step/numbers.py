@@ -17,7 +17,7 @@ from controller.model.control_model import ControlModel
 from controller.mpc.planner import plan_numbers
 from controller.registry import SHAKING, build, horizon_of, noise_of
 from controller.signals import Array
-from controller.step.model_code import literal, model_code, plain
+from controller.step.model_code import literal, model_code
 from controller.step.shaking import shaking
 from controller.supervision.fallback import Rules
 from controller.tuned import FilterNoise, Horizon, Weights
@@ -145,7 +145,7 @@ def _structure(model: ControlModel, envelope: Envelope) -> dict[str, int | str]:
         "CURRENT_STATE": f"({current[0] if current else -1})",
         "MODES": "{" + "".join(f"{model.index(name)}, " for name in model.modes) + "-1}",
         "GRIP": f"({names.index('friction_coefficient') if 'u' in states else -1})",
-        "PLAIN": int(plain(model)),
+        "PLAIN": int(model.placed),
         "ANCHORED": int(model.drive.anchored),
         "WALK_TICKS": max(1, round(SCATTER_S / model.tick_s)),
         "PLACED": int(envelope.placed),

@@ -1,6 +1,6 @@
 """Base + drive + effects -> one CasADi model: states, parameters with bounds, step and output."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from models.assembly.step import Stepper
 from models.drives.drive import Drive
 from models.effects.effect import Effect
 from models.parameter import Name, Parameter
+from models.rigs.columns import Seen
 from models.surfaces.gut import LONGEST
 from models.surfaces.surface import Surface
 
@@ -61,13 +62,20 @@ def model_states(base: Sequence[str], drive: Drive, effects: Sequence[type[Effec
     return (*base, *((owner, name) for owner, states in own for name in states))
 
 
-def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (), smoothing: float = 0.0) -> Assembly:
+def assemble(
+    surface: Surface,
+    drive: Drive,
+    effects: Sequence[type[Effect]] = (),
+    smoothing: float = 0.0,
+    further: Sequence[Callable[[Seen], Any]] = (),
+) -> Assembly:
     """The body on `surface` (the gut's `Wall` or a `Plate`) under `drive`, with `effects`.
 
     In the gut `m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)`, on a plate `m a = F_act - mu N Sgn(v)`; set-valued
     friction is solved within the step (`models.surfaces.gut.settle`), with `smoothing` in m/s for controllers that need
     derivatives: a resting body then creeps at a speed of that order. For an imposed motion the output is the pull that
-    it takes, else the body's position. Raises ValueError for an imposed motion on a plate.
+    it takes, else the body's position; below it is what `further` sensors show. Raises ValueError for an imposed motion
+    on a plate.
     """
     if drive.imposed and not surface.dragged:
         raise ValueError(f"drive must leave the body free on a plate; got {drive.name!r}, which imposes its position")
@@ -83,6 +91,11 @@ def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (
     unit, last = drive.command_unit, c0 if drive.stepped else c1
     first, last = (c0, last) if unit == 1 else (c0 / unit, last / unit)
     new, output = stepper.advance(now, first, last, t, h)
+    if further:
+        force = replace(stepper, active=Active.of(effects, p, new)).pushing(new, last, t + h)
+        behind = next((new[effect.id, effect.behind] for effect in effects if effect.behind), 0.0)
+        seen = Seen(output, new["v"], force, behind)
+        output = ca.vertcat(output, *(shown(seen) for shown in further))
     function = ca.Function("step", [state, c0, c1, t, h, q], [ca.vertcat(*(new[name] for name in names)), output])
     initial: dict[Name, float] = dict.fromkeys(names, 0.0) | {"direction": 1.0}
     return Assembly(tuple(effects), names, initial, parameters, function, _correction(surface, drive, names))

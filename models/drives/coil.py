@@ -112,6 +112,9 @@ class VoltageCoil(Coil):
     def parameters(self) -> tuple[Parameter, ...]:
         return super().parameters() + self.winding.parameters()
 
+    def pushing(self, at: Actuation) -> Any:
+        return at.gain * self.force(at.x, at.v, at.z["current_A"], at.p)
+
     def push(self, at: Actuation) -> Push:
         mean, end = self.winding.current(at.z["current_A"], at.command, at.v, at.h, at.p)
         return Push(at.gain * self.force(at.x, at.v, mean, at.p), after=lambda *_: {"current_A": end})

@@ -256,7 +256,7 @@ class SearchSettings:
     drifts_s: float = setting(5.0, "s", "the same of a body that nothing holds")
     no_noise: float = setting(1e-12, "1", "noise of a column that shows none, in its unit")
     accelerometer: float = setting(
-        0.01, "1", "of an accelerometer's rms, beside its noise: its scale, mounting and filter (data sheets: 1 %)"
+        0.01, "1", "of a further instrument's rms, beside its noise: its scale, mounting and filter (data sheets: 1 %)"
     )
     fine_force_N: float = setting(1e-3, "N", "noise of a good sensor")
     fine_place_m: float = setting(5e-5, "m", "noise of a good sensor")

@@ -43,7 +43,7 @@ def simulated(
     own = BELIEVED["vibro"]
     rig = replace(own.truth(np.random.default_rng(3)), hidden=hidden)
     tables = own.tables() | {"noise": {"position_std_m": IMAGES_STD_M, "acceleration_std_m_s2": STD_M_S2}}
-    sensors = Sensor(IMAGES_HZ, IMAGES_STD_M), Accelerometer(std_m_s2=STD_M_S2)
+    sensors = Sensor(IMAGES_HZ, IMAGES_STD_M), (Accelerometer(std_m_s2=STD_M_S2),)
     runs = [RunTable("", seconds, 7 + k, rig.step_s) for k in range(count)]
     return tables, [record_scenario(Scenario(run, own.kind, rig, own.profile, *sensors)) for run in runs], rig
 

@@ -24,23 +24,23 @@ from models.identification.kind import Array, Kind, Split
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import (
     KEPT,
-    accelerometer,
     clock_offset,
     driven_column,
     interval,
+    read_late,
     switch_delay,
 )
 from models.identification.kinds.series.simulation import Runner
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
-from models.rigs.columns import ACCELERATION, LOAD_PLACES
+from models.rigs.columns import FURTHER
 from models.rigs.kinds import KINDS, drive_of, surface_of
 from models.rigs.rig import Rig
+from models.rigs.tables import Noise
 from models.surfaces.surface import Surface
 from models.theta import Theta
 
-_BESIDE = (ACCELERATION, *LOAD_PLACES)
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
 
@@ -55,7 +55,7 @@ def low_passed(signal: Array, dt: float) -> Array:
 @lru_cache(maxsize=KEPT)
 def _rows(record: Record, column: str) -> NDArray[np.int64]:
     """The rows whose residuals in `column` count."""
-    if column not in _BESIDE:
+    if column not in FURTHER:
         return np.flatnonzero(counted(record))
     return np.flatnonzero(np.isfinite(record[column]) & (record.columns.get(RUN_IN, 0.0) == 0))
 
@@ -64,9 +64,8 @@ def _rows(record: Record, column: str) -> NDArray[np.int64]:
 class SeriesKind(Kind):
     """A rig whose records are time series of a capsule. `noise_std` is the sensor's; residuals of `averaged` neighbours
     count as one, their mean in units of its own noise, which shows structure below the noise of a sample. `resolution`
-    is the step of a coarse sensor, else 0. `beside` has the noise of each further measured column: of an accelerometer
-    or an encoder at the load, whose zero is unknown, so that means do not count. Of a kind with a `column` only that
-    one counts.
+    is the step of a coarse sensor, else 0. `beside` has the noise of each further measured column, whose zero is
+    unknown, so that means do not count. Of a kind with a `column` only that one counts.
     """
 
     surface: Surface
@@ -97,15 +96,10 @@ class SeriesKind(Kind):
         stated = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
         noise = series_noise(records, drive.measured, stated)
         made = cls.build(surface_of(rig), drive, noise, records, Catalogue.of(rig))
-        step, base = resolution(records, drive.measured), made.base + clock_offset(rig.clock)
-        logged = [record for record in records if ACCELERATION in record.columns]
-        if logged:
-            noise = series_noise(logged, ACCELERATION, rig.noise.acceleration_std_m_s2)
-            moved = np.median([np.nanstd(record[ACCELERATION]) for record in logged])
-            noise = float(np.hypot(noise, SET.accelerometer * moved))
-            made = replace(made, beside=MappingProxyType({ACCELERATION: noise}))
-            base = (*base, *accelerometer(rig.clock))
-        return replace(made, base=base, resolution=step)
+        beside = noise_beside(records, rig.noise)
+        late = (p for name in beside for p in read_late(FURTHER[name], rig.clock))
+        base, step = (*made.base, *clock_offset(rig.clock), *late), resolution(records, drive.measured)
+        return replace(made, base=base, resolution=step, beside=MappingProxyType(beside))
 
     @classmethod
     def build(
@@ -146,7 +140,7 @@ class SeriesKind(Kind):
 
     @property
     def unit(self) -> str:
-        return "m/s2" if self.column in self.beside else "N" if self.drive.imposed else "m"
+        return FURTHER[self.column].unit if self.column in self.beside else "N" if self.drive.imposed else "m"
 
     @property
     def final(self) -> int:
@@ -187,8 +181,8 @@ class SeriesKind(Kind):
         self, record: Record, thetas: Sequence[Theta], memory: float | None, placed: bool = True, fine: bool = True
     ) -> dict[str, Array]:
         """What the sensors show at each of `thetas`, (k, n) by column; under an observer where there is a `memory`."""
-        more = {name: np.empty((len(thetas), len(record))) for name in self.channels if name in self.beside}
-        outputs = self._runs(record, thetas, memory, placed, fine, *more.values())
+        more = {name: np.empty((len(thetas), len(record))) for name in self.beside}
+        outputs = self._runs(record, thetas, memory, placed, fine, more)
         return {self.drive.measured: outputs if memory else self._from_the_start(record, outputs), **more}
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
@@ -212,7 +206,8 @@ class SeriesKind(Kind):
         return np.asarray(weighed(outputs, record[column], rows, averaged, self._std(column), *weight))
 
     def _averaged(self, record: Record, column: str) -> int:
-        return 1 if column == ACCELERATION or len(_rows(record, column)) < 2 * self.averaged else self.averaged
+        quick = column in FURTHER and FURTHER[column].rate
+        return 1 if quick or len(_rows(record, column)) < 2 * self.averaged else self.averaged
 
     def slow(self, records: Sequence[Record], rows: Array) -> Array:
         if not self.beside:
@@ -243,7 +238,7 @@ class SeriesKind(Kind):
         return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
     def off(self, record: Record, predicted: Array) -> Array:
-        """The prediction error low-passed at 2 Hz, interpolated between the samples that count; of an accelerometer, as
+        """The prediction error low-passed at 2 Hz, interpolated between the samples that count; of a further column, as
         it is about its mean.
         """
         if self.column in self.beside:
@@ -331,7 +326,7 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
 def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:
     """Standard deviation of the noise of `column`: as stated, unless the records are noisier; never 0."""
     measured = [record for record in records if column in record.columns]
-    own = column in _BESIDE  # which has gaps of its own
+    own = column in FURTHER  # which has gaps of its own
     values = [r[column][np.isfinite(r[column]) if own else used(r)] for r in measured]
     if not values:
         return stated or SET.no_noise
@@ -339,6 +334,18 @@ def series_noise(records: Sequence[Record], column: str, stated: float | None) -
     estimated = float(np.median([estimated_noise(y, vibrates, stated) for y in values]))
     span, step = float(np.ptp(np.concatenate(values))), float(np.median([grid_step(y) for y in values]))
     return max(noise_used(stated, estimated, span, step), SET.no_noise)
+
+
+def noise_beside(records: Sequence[Record], stated: Noise) -> dict[str, float]:
+    """Standard deviation of the noise of each further column that `records` have; of an instrument, with its scale."""
+    found = dict[str, float]()
+    for name in records[0].layout.beside if records else ():
+        logged, column = [record for record in records if name in record.columns], FURTHER[name]
+        if logged:
+            noise = series_noise(logged, name, getattr(stated, column.key("std"), None))
+            moved = np.median([np.nanstd(record[name]) for record in logged])
+            found[name] = float(np.hypot(noise, SET.accelerometer * moved * column.instrument))
+    return found
 
 
 def resolution(records: Sequence[Record], column: str) -> float:

@@ -11,41 +11,13 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 SETS = Path(__file__).parent / "sets"
 Name = str | tuple[str, str]
 """Key of a parameter or a state: its name; of an effect (or a drive) the id and the name."""
 _ROUNDING = 1e-9  # of a value, by which it may be beyond its bounds
 Role = Literal["", "phase", "place"]
-LETTERS: Final = MappingProxyType(
-    {
-        "friction_coefficient": "mu",
-        "hoop_stress_factor": "c",
-        "magnet_stiffness_N_per_m": "k_m",
-        "coil_force_N_per_A": "k_i",
-        "coil_resistance_ohm": "R",
-        "back_emf_V_s_per_m": "K_e",
-        "force_N": "F_on",
-        "spring_stiffness_N_per_m": "k",
-        "spring_damping_N_s_per_m": "d",
-        "recovery_time_s": "t_r",
-        "mass_kg": "m",
-        "inertia_kg_m2": "J",
-        "body_mass_kg": "m_b",
-        "inner_mass_kg": "m_i",
-        "friction_N": "F_c",
-        "coulomb_friction_N": "F_c",
-        "coulomb_friction_N_m": "T_c",
-        "viscous_friction_N_s_per_m": "b",
-        "viscous_friction_N_m_s_per_rad": "b",
-        "offset_N": "F_0",
-        "offset_N_m": "T_0",
-        "load_scale": "s_L",
-        **{f"log10_{name}{k}": f"{name}_{k}" for name, k in (("E", 1), ("E", 2), ("E", 3), ("tau", 1), ("tau", 2))},
-    }
-)
-"""Letters of the base models' parameters in equations."""
 
 
 @dataclass(frozen=True)

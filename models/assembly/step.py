@@ -160,9 +160,7 @@ class Stepper:
     def _slowed(
         self, now: dict[Name, Any], push: Push, others: Any, s: Signals, grip: Grip, pulled: tuple[Any, Any], h: Any
     ) -> tuple[Any, Any]:
-        """`_speed` under the `grip`; where its level depends on the speed, under the level at the step's own mean
-        speed, by a secant: the slope of friction over speed times h/m is not small.
-        """
+        """`_speed` under the `grip`; where its level depends on speed, by a secant at that of the step's own mean."""
 
         def at(friction: Any) -> tuple[Any, Any]:
             return self._speed(now, push, others, friction, pulled, h)

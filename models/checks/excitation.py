@@ -102,9 +102,7 @@ class Excitation:
 
 
 def varied(column: str, values: Array) -> bool:
-    """Whether a logged input changes by itself: by a share of its size, a temperature by a few kelvins. Less may follow
-    from the motion.
-    """
+    """Whether a logged input changes by itself, by a share of its size or kelvins: less may follow from the motion."""
     low, high = np.percentile(values, [5, 95])
     least = SET.warmer_K if column == "temperature_degC" else SET.load_varied * max(abs(low), abs(high))
     return bool(high - low > least)

@@ -42,9 +42,7 @@ _START = 1 << 16  # bytes from which the encoding is recognised
 
 @dataclass(frozen=True)
 class CsvTable:
-    """Columns of numbers: `values` (rows, columns) under the `header`, the file's line number of each row, and the
-    units that the file states by column.
-    """
+    """Columns `values` (rows, columns) under the `header`, the file's line of each row, the units stated by column."""
 
     header: list[str]
     units: Mapping[str, str]

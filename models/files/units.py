@@ -67,9 +67,7 @@ def unit(text: str) -> Unit | None:
 
 
 def factor(text: str, target: str) -> float | None:
-    """Factor from the unit `text` to the unit `target` ("" for a plain number); None where the first is unknown or
-    measures something else.
-    """
+    """Factor from the unit `text` to `target` ("": a plain number); None where one is unknown or another measure."""
     found, wanted = unit(text), unit(target or "1")
     if found is None or wanted is None or found.dimension != wanted.dimension:
         return None
@@ -95,9 +93,7 @@ _ENDING: Final = re.compile(r"(?:\s*[/,:]\s*|\s+in\s+|[\s_.]+)")
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """A column's name and its unit, "" for none: `Position [mm]`, `F / mN`, `pos_mm`. Brackets at the end count as a
-    unit, even an unknown one.
-    """
+    """A column's name and unit, "" for none: `Position [mm]`, `F / mN`, `pos_mm`; in brackets also an unknown one."""
     bracketed = _BRACKETS.fullmatch(name)
     if bracketed and bracketed[1].strip() and not bracketed[2].isdigit():
         return bracketed[1].strip(), bracketed[2].strip()
@@ -119,9 +115,7 @@ _WRITTEN: Final = {"C": "degC", "percent": "%"}
 
 
 def unit_at_end(name: str) -> tuple[str, str]:
-    """A name of ours and the unit that it ends in as printed, "" for none: `speed_m_s` (m/s), `torque_N_m` (N m),
-    `stiffness_N_per_m` (N/m).
-    """
+    """A name of ours and the unit it ends in as printed, "" for none: `speed_m_s` (m/s), `stiffness_N_per_m` (N/m)."""
     found = _UNIT_AT_END.fullmatch(name)
     if found is None or not (found[2] or found[3]):
         return name, ""

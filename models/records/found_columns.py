@@ -18,9 +18,7 @@ _TIME_NAMES = ("time", "timestamp", "seconds", "sec")
 
 
 def check_header(where: str, kind: RigKind, header: Sequence[str], with_measured: bool = True) -> None:
-    """Refuse a header that lacks a column of `kind`, with the likely one in the header, and one of a whole record of
-    another kind.
-    """
+    """Refuse a header that lacks a column of `kind`, with the likely one in it, and one of another kind's record."""
     layout = kind.columns(header)
     lacking = layout.lacking(header, with_measured)
     missing = [name for alternatives in lacking for name in alternatives]
@@ -163,9 +161,7 @@ def _fits(stated: str, target: str) -> bool:
 
 
 def _likeness(target: str, stem: str, stated: str) -> int:
-    """Score of a name's words against the parts of ours: 2 for the same word, 1 for another of its meaning; 0 where the
-    units contradict.
-    """
+    """Score of a name's words: 2 for a word of ours, 1 for another of its meaning; 0 where the units contradict."""
     if stated and not _fits(stated, target):
         return 0
     words, parts = _words(stem), split_unit(target)[0].split("_")

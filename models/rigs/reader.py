@@ -148,9 +148,7 @@ class _File:
         return checked(self.where, "rig", head, content, owners).parts(nested)
 
     def body(self, surface: SurfaceTable | None) -> tuple[Capsule, Tissue]:
-        """Body and gut of a rig whose body lies on `surface`; None is the gut. Both are the papers' where a
-        kind has no table of its own.
-        """
+        """Body and gut of a rig on `surface` (None: the gut), the papers' where a kind has no table of its own."""
         paper = self.kind.tables.get("capsule", PaperCapsuleTable) is PaperCapsuleTable
         gut = surface is None or surface.kind == "gut"
         body = PaperCapsuleTable if paper else CapsuleTable if gut else BodyTable

@@ -103,10 +103,7 @@ class ParameterSet:
 @cache
 def load_set(name: str) -> ParameterSet:
     """Read `models/sets/NAME.toml`; a miss names the nearest set."""
-    path = SETS / f"{name}.toml"
-    if not path.is_file():
-        raise ValueError(f"parameter set must be one that exists; got {name!r}; {nearest(name, available_sets())}")
-    raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    raw = tomllib.loads(one_of(SETS, name, ".toml", "parameter set").read_text(encoding="utf-8"))
     head = raw["set"]
     parameters = {
         key: Parameter(key, float(entry["value"]), entry["unit"], source=entry.get("source", head["source"]))
@@ -115,9 +112,13 @@ def load_set(name: str) -> ParameterSet:
     return ParameterSet(name, head["title"], head["source"], head["caution"], MappingProxyType(parameters))
 
 
-def available_sets() -> list[str]:
-    """Names of the parameter sets that ship with the models."""
-    return sorted(path.stem for path in SETS.glob("*.toml"))
+def one_of(folder: Path, name: str, ending: str, what: str) -> Path:
+    """The file `name` of a folder of ours. Raises ValueError, which names the nearest, for `what` is not there."""
+    path = folder / f"{name}{ending}"
+    if not path.is_file():
+        known = sorted(other.stem for other in folder.glob(f"*{ending}"))
+        raise ValueError(f"{what} must be one that exists; got {name!r}; {nearest(name, known)}")
+    return path
 
 
 def settings(file: str) -> Any:

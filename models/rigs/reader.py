@@ -9,22 +9,12 @@ from typing import Any, TypeVar
 from models.files.toml import is_number, read_toml, shown, with_contact_angle
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
+from models.rigs import tables
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.mapping import ColumnMap, MappedColumn
 from models.rigs.rig import Rig
 from models.rigs.schema import Table, checked
-from models.rigs.tables import (
-    BodyTable,
-    CapsuleTable,
-    ChecksTable,
-    ColumnTable,
-    Noise,
-    PaperCapsuleTable,
-    PaperTissueTable,
-    SurfaceTable,
-    TissueTable,
-)
 
 T = TypeVar("T", bound=Table)
 _STD = "_std"
@@ -61,14 +51,14 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
             raise ValueError(f"{where}: [{table}] must be a table; got {shown(content)}")
     kind = _kind(raw, where)
     file = _File(raw, where, kind)
-    parts = file.head() | {"noise": file.read("noise", Noise, optional=True)}
+    parts = file.head() | {"noise": file.read("noise", tables.Noise, optional=True)}
     for name, model in kind.tables.items():
         if name not in _BODY:
             must = any(field.is_required() for field in model.model_fields.values())
             parts[name] = file.read(name, model, optional=not must)
     parts |= {name: file.read(name, model) for name, model in kind.further.items() if name in raw}
     parts["capsule"], parts["tissue"] = file.body(parts.get("surface"))
-    parts["checks"] = file.read("checks", ChecksTable, optional=True)
+    parts["checks"] = file.read("checks", tables.ChecksTable, optional=True)
     if kind.switched and "clock" in parts and parts["clock"].drift:
         raise ValueError(
             f"{where}: [clock] drift must be left out for kind {kind.id}, whose drive switches and cannot be read"
@@ -147,17 +137,17 @@ class _File:
         owners = {key: kind.id for kind in reversed(KINDS.values()) for key in kind.head.model_fields}
         return checked(self.where, "rig", head, content, owners).parts(nested)
 
-    def body(self, surface: SurfaceTable | None) -> tuple[Capsule, Tissue]:
+    def body(self, surface: tables.SurfaceTable | None) -> tuple[Capsule, Tissue]:
         """Body and gut of a rig on `surface` (None: the gut), the papers' where a kind has no table of its own."""
-        paper = self.kind.tables.get("capsule", PaperCapsuleTable) is PaperCapsuleTable
+        paper = self.kind.tables.get("capsule", tables.PaperCapsuleTable) is tables.PaperCapsuleTable
         gut = surface is None or surface.kind == "gut"
-        body = PaperCapsuleTable if paper else CapsuleTable if gut else BodyTable
+        body = tables.PaperCapsuleTable if paper else tables.CapsuleTable if gut else tables.BodyTable
         capsule = self.read("capsule", body, optional=paper).capsule()
         if paper or not gut:
-            return capsule, self._tissue(PaperTissueTable, capsule, optional=True)
-        return capsule, self._tissue(TissueTable, capsule)
+            return capsule, self._tissue(tables.PaperTissueTable, capsule, optional=True)
+        return capsule, self._tissue(tables.TissueTable, capsule)
 
-    def _tissue(self, model: type[TissueTable], capsule: Capsule, optional: bool = False) -> Tissue:
+    def _tissue(self, model: type[tables.TissueTable], capsule: Capsule, optional: bool = False) -> Tissue:
         if "lumen_diameter_m" not in self.raw.get("tissue", {}):
             return self.read("tissue", model, optional).tissue()
         self.used.add("tissue")
@@ -192,7 +182,7 @@ class _File:
                     f"{self.where}: [columns] {target} must be the name of a column, or a table with the key 'column';"
                     f" got {given!r}"
                 )
-            content = checked(self.where, f"columns.{target}", ColumnTable, table).model_dump()
+            content = checked(self.where, f"columns.{target}", tables.ColumnTable, table).model_dump()
             try:
                 entries.append(MappedColumn(target, **content))
             except ValueError as error:

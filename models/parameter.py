@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
+from collections import namedtuple
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -147,6 +148,13 @@ def available_sets() -> list[str]:
     return sorted(path.stem for path in SETS.glob("*.toml"))
 
 
-def setting(value: Any, unit: str, meaning: str, chosen_on: str = "by hand") -> Any:
-    """A field of a room's record of settings; "1" is the unit of a bare number."""
-    return field(default=value, metadata={"unit": unit, "meaning": meaning, "chosen_on": chosen_on})
+def settings(file: str) -> Any:
+    """The chosen numbers in `settings.toml` beside the module `file`, by name. Each stands there as `[value, unit,
+    meaning, what it was chosen on]`; lists are tuples here.
+    """
+
+    def fixed(value: Any) -> Any:
+        return tuple(map(fixed, value)) if isinstance(value, list) else value
+
+    rows = tomllib.loads(Path(file).with_name("settings.toml").read_text(encoding="utf-8"))
+    return namedtuple("Settings", rows)(*(fixed(value) for value, *_ in rows.values()))

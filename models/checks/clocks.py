@@ -182,7 +182,7 @@ def _lag_of(view: View, moved: str, measured: str) -> Lag | None:
 
 def _margin_s() -> float:
     """The largest lag in the middle of a record."""
-    return SET.lag_longest_s + SET.lag_most_drifted_s / 2
+    return float(SET.lag_longest_s + SET.lag_most_drifted_s / 2)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ class Answer:
     @property
     def turned(self) -> bool:
         """Whether the position moves against the body's."""
-        return self.near < -SET.swing_sure and self.best < -self.near + SET.swing_turned
+        return bool(self.near < -SET.swing_sure and self.best < -self.near + SET.swing_turned)
 
 
 def check_inner_mass(view: View) -> Findings:
@@ -85,7 +85,7 @@ def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
 
 def _grid_s(view: View) -> float:
     """The even grid's step in s: no finer than the band needs."""
-    return max(view.dt, SET.swing_finest_s)
+    return float(max(view.dt, SET.swing_finest_s))
 
 
 def _swings(view: View) -> tuple[Array, Array] | None:

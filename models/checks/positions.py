@@ -54,7 +54,7 @@ def _held(values: Array, row: int) -> bool:
 
 def _within(view: View, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """The `rows` that follow the one before without a gap in time."""
-    return rows[np.diff(view.t)[rows - 1] < SET.stamps_near * view.dt]
+    return np.asarray(rows[np.diff(view.t)[rows - 1] < SET.stamps_near * view.dt])
 
 
 def _steps(values: Array, least: float, longest: int = 1) -> list[tuple[int, int]]:
@@ -147,7 +147,7 @@ def _half_step(view: View, x: Array) -> int:
     speed = float(np.median(np.abs(view.speed[view.moves]))) if view.moves.any() else 0.0
     if step == 0 or speed == 0 or step <= SET.step_wide * speed * view.dt:
         return 0
-    return max(1, round(0.5 * min(step / speed, SET.step_longest_s) / view.dt))
+    return int(max(1, round(0.5 * min(step / speed, SET.step_longest_s) / view.dt)))
 
 
 def without_steps(view: View, x: Array) -> Array:

@@ -146,7 +146,7 @@ class _Sides:
     @property
     def apart(self) -> bool:
         """Whether the middle is further off than friction can explain."""
-        return abs(self.middle) > SET.zero_clear * abs(self.friction) + self.unsure
+        return bool(abs(self.middle) > SET.zero_clear * abs(self.friction) + self.unsure)
 
 
 def _sides(view: View, signal: Array, noise: float) -> _Sides | None:

@@ -24,7 +24,8 @@ class Agreement:
     @property
     def close(self) -> bool:
         """Whether it may stand for the place's."""
-        return abs(self.gain - 1) < SET.speed_gain and abs(self.lag_s) < SET.speed_lag_s and self.left < SET.speed_left
+        off = (abs(self.gain - 1), abs(self.lag_s), self.left)
+        return all(np.less(off, (SET.speed_gain, SET.speed_lag_s, SET.speed_left)))
 
 
 def agreement(place: Array, logged: Array, dt: float) -> Agreement | None:

@@ -154,7 +154,7 @@ def _random_move(room: Room, here: float, rng: np.random.Generator) -> Move:
 
 
 def _random_rest(room: Room, rng: np.random.Generator) -> float:
-    return min(float(rng.choice(SET.plan_rests_s)), SET.plan_long_move * room.length)
+    return float(min(rng.choice(SET.plan_rests_s), SET.plan_long_move * room.length))
 
 
 @dataclass(frozen=True)

@@ -245,7 +245,7 @@ def _text(term: Term) -> str:
 
 def _errors(curve: ResidualCurve) -> Array:
     """Standard deviations of a curve's values, none much smaller than the median's."""
-    error = (curve.high - curve.low) / (2 * SET.z95)
+    error: Array = (curve.high - curve.low) / (2 * SET.z95)
     return np.maximum(error, max(0.3 * float(np.median(error)), 1e-12 * float(np.ptp(curve.values)) + 1e-300))
 
 

@@ -75,7 +75,7 @@ def axes(kind: Kind, effects: Sequence[str]) -> list[FreeParameter]:
 
 
 def _scale(p: Parameter) -> float:
-    return SET.scale * abs(p.value) if p.value else SET.scale_of_range * (p.upper - p.lower)
+    return float(SET.scale * abs(p.value) if p.value else SET.scale_of_range * (p.upper - p.lower))
 
 
 def evaluate(kind: Kind, records: Sequence[Record], theta: Theta, criterion: int) -> Array:

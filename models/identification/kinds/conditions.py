@@ -49,4 +49,5 @@ def may_be_left_out(record: Record, others: Sequence[Record]) -> bool:
         return False
     if own.fast <= SET.one_speed * own.slow:
         return any(r.slow / SET.same <= own.fast and own.slow <= r.fast * SET.same for r in rest)
-    return min(r.slow for r in rest) <= SET.same**2 * own.slow and own.fast <= SET.same**2 * max(r.fast for r in rest)
+    slow, fast = min(r.slow for r in rest), max(r.fast for r in rest)
+    return bool(slow <= SET.same**2 * own.slow and own.fast <= SET.same**2 * fast)

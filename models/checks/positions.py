@@ -171,12 +171,9 @@ def check_stuck(view: View) -> Findings:
     whole = float(np.diff(np.percentile(y[view.moves], [5, 95]))[0])
     settled, least = round(SET.stuck_settled_s / view.dt), round((SET.stuck_settled_s + SET.stuck_s) / view.dt)
     rests = [(a + settled, b) for a, b in runs_of(~view.moves, least)]
-    stuck = [(a, b) for a, b in rests if _swings(y[a:b], 0.5 * SET.stuck_much * whole) >= least_swings]
+    beyond = [y[a:b][np.abs(y[a:b]) > 0.5 * SET.stuck_much * whole] for a, b in rests]
+    swings = [np.count_nonzero(np.diff(np.sign(there))) for there in beyond]
+    stuck = [rest for rest, n in zip(rests, swings, strict=True) if n >= least_swings]
     if stuck and whole >= 20 * view.noise:
         begins, longest = [a for a, _ in stuck], max(b - a for a, b in stuck) * view.dt
         yield view.weakens("driven_stuck", name, begins, longest=longest, n=least_swings, share=SET.stuck_much)
-
-
-def _swings(y: Array, level: float) -> int:
-    """How often `y` goes from beyond `level` on one side of 0 to beyond it on the other."""
-    return int(np.count_nonzero(np.diff(np.sign(y[np.abs(y) > level]))))

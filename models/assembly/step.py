@@ -110,7 +110,7 @@ class Stepper:
         x, v, u = now["x"], now["v"], now["u"]
         wall = self.tension(u), u, now["u_rate"]
         s = Signals(t, x, v, now["direction"], command, 0.0, now["travelled"], *wall, now["dwell"])
-        s = replace(s, command=self.active.command(s))
+        s = replace(s, command=self.active.passed("command", s))
         return self.drive.pushing(self.actuation(now, s, s.command, 0.0))
 
     def advance(self, now: dict[Name, Any], c0: Any, c1: Any, t: Any, h: Any) -> tuple[dict[Name, Any], Any]:
@@ -124,12 +124,12 @@ class Stepper:
             t, x_now, v_now, now["direction"], c1, rate, now["travelled"], T_quiet, drag.u, now["u_rate"], now["dwell"]
         )
         active_next = self.active.advance(s, h)
-        command = active_next.command(s)
+        command = active_next.passed("command", s)
         if imposed:
             v_now = (command - now["x"]) / h
         middle = command - 0.5 * h * rate
         if self.drive.launched:  # a lag changes it within the step also where the command does not
-            middle = 0.5 * (self.active.command(replace(s, command=c0)) + command)
+            middle = 0.5 * (self.active.passed("command", replace(s, command=c0)) + command)
         push = Push(0.0)
         if not self.drive.imposed:
             push = self.drive.push(self.actuation(now, replace(s, v=v_now), middle, h))
@@ -166,9 +166,7 @@ class Stepper:
     def _slowed(
         self, now: dict[Name, Any], push: Push, others: Any, s: Signals, grip: Grip, pulled: tuple[Any, Any], h: Any
     ) -> tuple[Any, Any]:
-        """`_speed` under the `grip`; where its level depends on the speed, under the level at the step's own mean
-        speed, by a secant: the slope of friction over speed times h/m is not small.
-        """
+        """`_speed` under the `grip`; where its level depends on speed, by a secant at that of the step's own mean."""
 
         def at(friction: Any) -> tuple[Any, Any]:
             return self._speed(now, push, others, friction, pulled, h)

@@ -70,10 +70,17 @@ VIBRO: Final = Bench(
     ("spring_damping", "stribeck", "viscous_drag"),
     3.0,
 )
-_FADE = {"coupling_fade": {"share": 0.3, "time_s": 8.0}}, ("coupling_fade", "tissue_drying", "preconditioning"), 12.0
 MAGNET, COIL = (
-    Bench(example, Sensor(20.0, 0.2e-3), LoadCell(rate_Hz=100.0, std_N=1e-3), 1e-3, *_FADE)
-    for example in ("magnetic_plate", "coil_plate")
+    Bench(
+        example,
+        Sensor(20.0, 0.2e-3),
+        LoadCell(rate_Hz=100.0, std_N=1e-3),
+        1e-3,
+        {"coupling_fade": {"share": share, "time_s": 0.5 * seconds}},
+        ("coupling_fade", "tissue_drying", "preconditioning"),
+        seconds,
+    )
+    for example, share, seconds in (("magnetic_plate", 0.4, 16.0), ("coil_plate", 0.3, 16.0))
 )
 BENCHES: Final = {bench.example: bench for bench in (VIBRO, MAGNET, COIL)}
 

@@ -1,6 +1,6 @@
 """Base + drive + effects -> one CasADi model: states, parameters with bounds, step and output."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,10 +12,11 @@ from models.assembly.step import Stepper
 from models.drives.drive import Drive
 from models.effects.effect import Effect
 from models.parameter import Name, Parameter
-from models.rigs.columns import Seen
+from models.rigs.columns import FURTHER, Seen
 from models.surfaces.gut import LONGEST
 from models.surfaces.surface import Surface
 
+Effects = Sequence[type[Effect]]
 BASE_STATES = ("x", "v", "a", "u", "slip", "u_rate", "direction", "travelled", "dwell")
 
 
@@ -44,37 +45,33 @@ class Assembly:
         return np.array([(self.initial | dict[Name, float](values))[name] for name in self.states])
 
 
-def followed_by(effects: Sequence[type[Effect]], state: Name) -> str:
+def followed_by(effects: Effects, state: Name) -> str:
     """Where a `state` of a model with `effects` is after a long rest: "command", "position", or "" for 0."""
     if isinstance(state, str):
         return ""
     return next((e.follows.get(state[1], "") for e in effects if e.id == state[0]), "")
 
 
-def effect_parameters(effects: Sequence[type[Effect]]) -> tuple[Parameter, ...]:
+def effect_parameters(effects: Effects) -> tuple[Parameter, ...]:
     """The effects' parameters, each with its effect."""
     return tuple(replace(p, effect=e.id) for e in effects for p in e.parameters())
 
 
-def model_states(base: Sequence[str], drive: Drive, effects: Sequence[type[Effect]]) -> tuple[Name, ...]:
+def model_states(base: Sequence[str], drive: Drive, effects: Effects) -> tuple[Name, ...]:
     """Names of the states of a model: the `base`, the drive's, the effects'."""
     own = ((drive.name, drive.states), *((e.id, e.states) for e in effects))
     return (*base, *((owner, name) for owner, states in own for name in states))
 
 
 def assemble(
-    surface: Surface,
-    drive: Drive,
-    effects: Sequence[type[Effect]] = (),
-    smoothing: float = 0.0,
-    further: Sequence[Callable[[Seen], Any]] = (),
+    surface: Surface, drive: Drive, effects: Effects = (), smoothing: float = 0.0, further: Sequence[str] = ()
 ) -> Assembly:
     """The body on `surface` (the gut's `Wall` or a `Plate`) under `drive`, with `effects`.
 
     In the gut `m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)`, on a plate `m a = F_act - mu N Sgn(v)`; set-valued
     friction is solved within the step (`models.surfaces.gut.settle`), with `smoothing` in m/s for controllers that need
     derivatives: a resting body then creeps at a speed of that order. For an imposed motion the output is the pull that
-    it takes, else the body's position; below it is what `further` sensors show. Raises ValueError for an imposed motion
+    it takes, else the body's position; below it are the `further` columns. Raises ValueError for an imposed motion
     on a plate.
     """
     if drive.imposed and not surface.dragged:
@@ -92,10 +89,9 @@ def assemble(
     first, last = (c0, last) if unit == 1 else (c0 / unit, last / unit)
     new, output = stepper.advance(now, first, last, t, h)
     if further:
-        force = replace(stepper, active=Active.of(effects, p, new)).pushing(new, last, t + h)
         behind = next((new[effect.id, effect.behind] for effect in effects if effect.behind), 0.0)
-        seen = Seen(output, new["v"], force, behind)
-        output = ca.vertcat(output, *(shown(seen) for shown in further))
+        seen = Seen(output, new["v"], new["drive"], behind)
+        output = ca.vertcat(output, *(FURTHER[name].shown(seen) for name in further))
     function = ca.Function("step", [state, c0, c1, t, h, q], [ca.vertcat(*(new[name] for name in names)), output])
     initial: dict[Name, float] = dict.fromkeys(names, 0.0) | {"direction": 1.0}
     return Assembly(tuple(effects), names, initial, parameters, function, _correction(surface, drive, names))

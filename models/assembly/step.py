@@ -99,22 +99,20 @@ class Stepper:
             return drag
         return step_drag(drag, v, h, grip.onset, lambda u: self.tension(u) * self.stiffening(s, u), grip.recovery)
 
-    def actuation(self, now: dict[Name, Any], s: Signals, command: Any, h: Any) -> Actuation:
-        """What the drive of a free body gets in a step under this `command` at mid-step."""
+    def push(self, now: dict[Name, Any], s: Signals, middle: Any, h: Any) -> Push:
+        """The drive's push on a free body; `middle` is the command at mid-step."""
+        if self.drive.imposed:
+            return Push(0.0)
         own = {name: now[self.drive.name, name] for name in self.drive.states}
         gain, p = self.active.product("gain", s), self.active.p.base
-        return Actuation(s.x, s.v, now["v"], command, h, p, own, gain, self.active.suspension, self.active.reach)
-
-    def pushing(self, now: dict[Name, Any], command: Any, t: Any) -> Any:
-        """The drive's force in N on a free body, as it is `now` at the time `t` under this `command`."""
-        x, v, u = now["x"], now["v"], now["u"]
-        wall = self.tension(u), u, now["u_rate"]
-        s = Signals(t, x, v, now["direction"], command, 0.0, now["travelled"], *wall, now["dwell"])
-        s = replace(s, command=self.active.passed("command", s))
-        return self.drive.pushing(self.actuation(now, s, s.command, 0.0))
+        return self.drive.push(
+            Actuation(s.x, s.v, now["v"], middle, h, p, own, gain, self.active.suspension, self.active.reach)
+        )
 
     def advance(self, now: dict[Name, Any], c0: Any, c1: Any, t: Any, h: Any) -> tuple[dict[Name, Any], Any]:
-        """The states after a step `h` from `t` in s as the command goes from `c0` to `c1`, and the output then."""
+        """The states after a step `h` from `t` in s as the command goes from `c0` to `c1`, with the mean force of the
+        `drive` in it, and the output then.
+        """
         imposed = self.drive.imposed and self.link is None
         drag, rate = Drag(now["u"], now["slip"]), (c1 - c0) / h
         T_quiet = self.tension(drag.u if imposed else drag.u + 0.5 * h * now["u_rate"])
@@ -130,9 +128,7 @@ class Stepper:
         middle = command - 0.5 * h * rate
         if self.drive.launched:  # a lag changes it within the step also where the command does not
             middle = 0.5 * (self.active.passed("command", replace(s, command=c0)) + command)
-        push = Push(0.0)
-        if not self.drive.imposed:
-            push = self.drive.push(self.actuation(now, replace(s, v=v_now), middle, h))
+        push = Push(0.0) if imposed else self.push(now, replace(s, v=v_now), middle, h)
         rest = _REST_IMPOSED if imposed else _REST
         facing = now["direction"]  # of a resting body's friction: the last motion's in a wall, else the push's
         if not self.surface.dragged:
@@ -159,7 +155,7 @@ class Stepper:
             output = grip.friction * s.direction + F_v + T - outside
         elif self.link is not None:
             output = self.link.force(command - now["x"] - h * v_next) + self.link.damping * (rate - v_next)
-        new = _motion(now, x_next, v_next, dragged, s, h, rest) | own
+        new = _motion(now, x_next, v_next, dragged, s, h, rest) | own | {"drive": push.force}
         seen = replace(active_next, z=active_next.follow(s, output, h))
         return new | dict(seen.z), seen.through("measured", s, output)
 

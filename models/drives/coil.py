@@ -14,9 +14,7 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class Coil(Drive):
-    """Coil current i in A; force `k i` on the capsule in a uniform field, `k i/(1 + ((x - x_c)/r)^2)^2` where the field
-    has a range r.
-    """
+    """Current i in A; force `k i` in a uniform field, `k i/(1 + ((x - x_c)/r)^2)^2` where the field has a range r."""
 
     name: ClassVar[str] = "coil"
     commanded: ClassVar[str] = "coil_current_A"
@@ -111,9 +109,6 @@ class VoltageCoil(Coil):
 
     def parameters(self) -> tuple[Parameter, ...]:
         return super().parameters() + self.winding.parameters()
-
-    def pushing(self, at: Actuation) -> Any:
-        return at.gain * self.force(at.x, at.v, at.z["current_A"], at.p)
 
     def push(self, at: Actuation) -> Push:
         mean, end = self.winding.current(at.z["current_A"], at.command, at.v, at.h, at.p)

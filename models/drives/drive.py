@@ -125,10 +125,6 @@ class Drive:
         """Force in N with which the drive presses the body on its surface, in addition to the weights."""
         return 0.0
 
-    def pushing(self, at: Actuation) -> Any:
-        """The drive's force in N at one moment."""
-        return at.gain * self.force(at.x, at.v, at.command, at.p)
-
     def push(self, at: Actuation) -> Push:
         """What the drive does in one step; drives with states of their own replace it."""
-        return Push(self.pushing(at))
+        return Push(at.gain * self.force(at.x, at.v, at.command, at.p))

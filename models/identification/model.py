@@ -215,15 +215,14 @@ class Model:
         # the delay of a switch is bounded by a sample of the records that it was found on
         base = [replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base]
         # other records of the rig may have other further columns
-        late = {p.name: p for name in record.layout.beside for p in read_late(FURTHER[name], rig.clock)}
-        known = [*((p, True) for p in base if p.name not in late), *((p, False) for p in late.values())]
+        late = [p for name in record.layout.beside for p in read_late(FURTHER[name], rig.clock)]
         effects = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
         possible = {f"possible.{name}": values for name, values in self.possible.items()}
         for stage, values in {**self.stages, **possible}.items():
             must = f"[{stage}] must have effects that can act on a rig of kind {kind.name}"
             _refuse_strange(must, values.effects, [*effects])
             own = [(p, p.fit) for p in effect_parameters([effects[name] for name in values.effects])]
-            _check_values(stage, values, [*known, *own])
+            _check_values(stage, values, [*((p, p not in late) for p in base), *((p, False) for p in late), *own])
 
 
 def sealed(text: str) -> str:

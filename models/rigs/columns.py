@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.units import split_unit, unit_of
+from models.files.units import split_unit
 
 TIME = "t_s"
 ACCELERATION = "acceleration_m_s2"
@@ -87,9 +87,7 @@ _ANGLE = Range(-1e6, 1e6, "between -1e6 and 1e6 rad")
 
 
 class Seen(NamedTuple):
-    """The end of a model's step: the `reading` of its measured column, the body's `speed` in m/s, the drive's `force`
-    on it in N, and how far a load is `behind` its drive.
-    """
+    """Of a model's step the last `reading` and `speed` in m/s, the drive's `force` in N, the load's lag `behind` it."""
 
     reading: Any
     speed: Any
@@ -99,9 +97,9 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class Further:
-    """A further measured column: `shown` is what it has of a step's end, or, of a `rate`, of whose changes it is the
-    mean over the interval before a sample. Its zero is unknown. An `instrument` has a scale of its own, and a delay and
-    a filter, which are fitted; what is none reads as the place does.
+    """A further measured column: `shown` is what it has of a step, or, of a `rate`, of whose changes it is the mean
+    over the interval before a sample. Its zero is unknown. An `instrument` has a scale of its own, and a delay and a
+    filter, which are fitted; what is none reads as the place does.
     """
 
     name: str
@@ -110,30 +108,20 @@ class Further:
     rate: bool = False
     instrument: bool = True
 
-    @property
-    def unit(self) -> str:
-        return unit_of(self.name)
-
     def key(self, what: str) -> str:
         """Its key or parameter `what`, such as `std` with its unit, `offset_s` or `clock_s`."""
         stem = split_unit(self.name)[0]
         return f"{stem}_std{self.name.removeprefix(stem)}" if what == "std" else f"{stem}_{what}"
 
 
-FURTHER = MappingProxyType(
-    {
-        one.name: one
-        for one in (
-            Further(ACCELERATION, Range(-1e5, 1e5, "between -1e5 and 1e5 m/s2"), lambda s: s.speed, rate=True),
-            Further(DRIVE_FORCE, _FORCE, lambda s: s.force),
-            Further(LOAD_PLACES[0], _PLACE, lambda s: s.reading - s.behind, instrument=False),
-            Further(LOAD_PLACES[1], _ANGLE, lambda s: s.reading - s.behind, instrument=False),
-        )
-    }
+_DECLARED = (
+    Further(ACCELERATION, Range(-1e5, 1e5, "between -1e5 and 1e5 m/s2"), lambda s: s.speed, rate=True),
+    Further(DRIVE_FORCE, _FORCE, lambda s: s.force),
+    Further(LOAD_PLACES[0], _PLACE, lambda s: s.reading - s.behind, instrument=False),
+    Further(LOAD_PLACES[1], _ANGLE, lambda s: s.reading - s.behind, instrument=False),
 )
-"""The further measured columns of all kinds: an accelerometer on the body along its path, a load cell between drive and
-capsule, a second encoder at the load of an axis.
-"""
+FURTHER = MappingProxyType({one.name: one for one in _DECLARED})
+"""An accelerometer on a body, along its path; a load cell between drive and capsule; an encoder at an axis's load."""
 
 RANGES = MappingProxyType(  # what a value of a column may be, by column
     {

@@ -105,7 +105,6 @@ class Accelerometer:
     """
 
     column: ClassVar[str] = "acceleration_m_s2"
-    kinds: ClassVar[tuple[str, ...]] = (MAGNETIC, COIL, VIBRO)
     rate_Hz: float = 500.0
     std_m_s2: float = 0.05
     bias_m_s2: float = 0.1
@@ -127,7 +126,6 @@ class LoadCell:
     """
 
     column: ClassVar[str] = "drive_force_N"
-    kinds: ClassVar[tuple[str, ...]] = (MAGNETIC, COIL)
     rate_Hz: float = 500.0
     std_N: float = 1e-3
     bias_N: float = 5e-3
@@ -141,8 +139,10 @@ class LoadCell:
 
 
 Instrument = Accelerometer | LoadCell
-"""A sensor of a further `column`, with a clock of its own."""
-_INSTRUMENTS: Final[dict[str, type[Instrument]]] = {"accelerometer": Accelerometer, "load_cell": LoadCell}
+_INSTRUMENTS: Final[dict[str, tuple[type[Instrument], tuple[str, ...]]]] = {
+    "accelerometer": (Accelerometer, (MAGNETIC, COIL, VIBRO)),
+    "load_cell": (LoadCell, (MAGNETIC, COIL)),
+}
 
 
 def _one_clock(rate_Hz: float, series: Mapping[str, tuple[Floats, Floats]]) -> tuple[Floats, dict[str, Floats]]:
@@ -176,11 +176,11 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
     check_tables(raw, TABLES)
     run, kind, rig = parse_truth(raw)
     instruments = list[Instrument]()
-    for name in (name for name in _INSTRUMENTS if name in raw):
-        one = from_table(_INSTRUMENTS[name], raw[name], name)
-        if kind not in one.kinds or not 0 < one.rate_Hz <= FASTEST_HZ:
+    for name, (table, kinds) in ((name, own) for name, own in _INSTRUMENTS.items() if name in raw):
+        one = from_table(table, raw[name], name)
+        if kind not in kinds or not 0 < one.rate_Hz <= FASTEST_HZ:
             raise ValueError(
-                f"[{name}] must be that of a rig of kind {', '.join(one.kinds)}, its rate_Hz positive and at most"
+                f"[{name}] must be that of a rig of kind {', '.join(kinds)}, its rate_Hz positive and at most"
                 f" {FASTEST_HZ:g}; got a {kind} rig and {one.rate_Hz:g}"
             )
         instruments.append(one)
@@ -355,8 +355,8 @@ def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) 
     rows = plant.advance(drive * truth.command_scale if switched else drive, every)
     measured = rows[:, truth.measured]
     t, reading = scenario.sensor.measure(rows[:, at.O_T], measured, second, plant.effects)
-    more = {one.column: one.read(rows, second) for one in scenario.instruments}
-    t, seen = _one_clock(rate, {"reading": (t, reading), **more})
+    series = {"reading": (t, reading)} | {one.column: one.read(rows, second) for one in scenario.instruments}
+    t, seen = _one_clock(rate, series)
     times = dt * np.arange(drive.size)
     sums = np.interp(t, times, np.concatenate([[0.0], np.cumsum(drive[:-1]) * dt]))
     taken = {

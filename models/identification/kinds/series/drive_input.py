@@ -18,11 +18,6 @@ from models.rigs.tables import ClockTable
 
 SWITCH_DELAY = "switch_delay_s"
 CLOCK_OFFSET = "clock_offset_s"
-CLOCK, LOWPASS = "clock_s", "lowpass_s"
-"""Parameters of an instrument with a column of its own."""
-_INSTRUMENTS = [one for one in FURTHER.values() if one.instrument]
-OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET, *(one.key(what) for one in _INSTRUMENTS for what in (CLOCK, LOWPASS)))
-"""Parameters of the logging, not of the rig that a controller drives."""
 KEPT = 64
 """Records whose inputs are kept: a fit runs over the same ones thousands of times."""
 
@@ -168,6 +163,10 @@ def read_late(column: Further, clock: ClockTable | None) -> tuple[Parameter, ...
         return ()
     at, source = getattr(clock, column.key("offset_s"), 0.0), "[clock] of the rig file; within 20 ms"
     return (
-        Parameter(column.key(CLOCK), at, "s", at - 0.02, at + 0.02, source, fit=True),
-        Parameter(column.key(LOWPASS), 0.0, "s", 0.0, 0.02, "a sensor without a filter", fit=True),
+        Parameter(column.key("clock_s"), at, "s", at - 0.02, at + 0.02, source, fit=True),
+        Parameter(column.key("lowpass_s"), 0.0, "s", 0.0, 0.02, "a sensor without a filter", fit=True),
     )
+
+
+OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET, *(p.name for one in FURTHER.values() for p in read_late(one, None)))
+"""Parameters of the logging, not of the rig that a controller drives."""

@@ -20,6 +20,7 @@ from models.compiled.residuals import weighed
 from models.drives.drive import Drive
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
+from models.files.units import unit_of
 from models.identification.kind import Array, Kind, Split
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import (
@@ -140,7 +141,7 @@ class SeriesKind(Kind):
 
     @property
     def unit(self) -> str:
-        return FURTHER[self.column].unit if self.column in self.beside else "N" if self.drive.imposed else "m"
+        return unit_of(self.column) if self.column in self.beside else "N" if self.drive.imposed else "m"
 
     @property
     def final(self) -> int:
@@ -340,11 +341,9 @@ def noise_beside(records: Sequence[Record], stated: Noise) -> dict[str, float]:
     """Standard deviation of the noise of each further column that `records` have; of an instrument, with its scale."""
     found = dict[str, float]()
     for name in records[0].layout.beside if records else ():
-        logged, column = [record for record in records if name in record.columns], FURTHER[name]
-        if logged:
-            noise = series_noise(logged, name, getattr(stated, column.key("std"), None))
-            moved = np.median([np.nanstd(record[name]) for record in logged])
-            found[name] = float(np.hypot(noise, SET.accelerometer * moved * column.instrument))
+        if moved := [np.nanstd(record[name]) for record in records if name in record.columns]:
+            noise = series_noise(records, name, getattr(stated, FURTHER[name].key("std"), None))
+            found[name] = float(np.hypot(noise, SET.accelerometer * np.median(moved) * FURTHER[name].instrument))
     return found
 
 

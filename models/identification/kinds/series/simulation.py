@@ -16,10 +16,8 @@ from models.effects import Catalogue
 from models.effects.effect import Effect
 from models.identification.kind import Array
 from models.identification.kinds.series.drive_input import (
-    CLOCK,
     CLOCK_OFFSET,
     KEPT,
-    LOWPASS,
     SWITCH_DELAY,
     Feed,
     evenly,
@@ -38,7 +36,7 @@ from models.theta import Theta
 def _model(
     surface: Surface, drive: Drive, effects: tuple[type[Effect], ...], beside: tuple[str, ...] = ()
 ) -> tuple[Assembly, Kernel]:
-    assembly = assemble(surface, drive, effects, further=[FURTHER[name].shown for name in beside])
+    assembly = assemble(surface, drive, effects, further=beside)
     return assembly, Kernel(assembly.step, assembly.correct, SLOW_S if drive.anchored else NEVER_S)
 
 
@@ -120,11 +118,11 @@ class Runner:
                 for number, (name, output) in enumerate(beside.items(), 1):
                     column, own = FURTHER[name], shown[:, number * LANES : (number + 1) * LANES]
                     for lane, theta in enumerate(at):
-                        own[:, lane] = lagging(own[:, lane], theta.get(column.key(LOWPASS), 0.0) / fed.dt)
+                        own[:, lane] = lagging(own[:, lane], theta.get(column.key("lowpass_s"), 0.0) / fed.dt)
                     y = fed.samples(own)
                     if column.rate:
                         y = np.diff(y, axis=0, prepend=y[:1]) / (fed.every * fed.dt)
-                    late = np.array([theta.get(column.key(CLOCK), 0.0) for theta in at])
+                    late = np.array([theta.get(column.key("clock_s"), 0.0) for theta in at])
                     sampled(y, clock, record["t_s"], late, same, rows, output)
         return outputs
 

@@ -68,7 +68,7 @@ def test_a_magnet_pulls_by_its_gap_and_the_zero_of_the_cell_does_not_count() -> 
     place, cell, nominal = kind.alone("position_m"), kind.alone(DRIVE_FORCE), kind.nominal()
     gap = record["carriage_position_m"] - place.predict(record, nominal)
     pull = 25.0 * gap / (1 + (gap / 0.02) ** 2) ** 2
-    assert cell.predict(record, nominal) == pytest.approx(pull, abs=2e-5)
+    assert cell.predict(record, nominal) == pytest.approx(pull, abs=5e-5)
     moved = record.with_column(DRIVE_FORCE, record[DRIVE_FORCE] + 0.3)
     assert cell.residual(moved, nominal) == pytest.approx(cell.residual(record, nominal), abs=1e-6)
     assert cell.unit == "N"

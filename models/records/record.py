@@ -392,9 +392,7 @@ def _refuse_wrong(
     lenient: bool,
     row_name: str,
 ) -> None:
-    """Refuse stamps that do not rise, values out of range (where `lenient` only those too large for the checks), and
-    valleys above their peaks.
-    """
+    """Refuse falling stamps, values out of range (`lenient`: too large for the checks), and valleys above peaks."""
 
     def refuse(wrong: NDArray[np.bool_], rule: str, *values: Array) -> None:
         if wrong.any():

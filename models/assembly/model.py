@@ -71,8 +71,7 @@ def assemble(
     In the gut `m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)`, on a plate `m a = F_act - mu N Sgn(v)`; set-valued
     friction is solved within the step (`models.surfaces.gut.settle`), with `smoothing` in m/s for controllers that need
     derivatives: a resting body then creeps at a speed of that order. For an imposed motion the output is the pull that
-    it takes, else the body's position; below it are the `further` columns. Raises ValueError for an imposed motion
-    on a plate.
+    it takes, else the body's position, then the `further` columns. Raises ValueError for an imposed motion on a plate.
     """
     if drive.imposed and not surface.dragged:
         raise ValueError(f"drive must leave the body free on a plate; got {drive.name!r}, which imposes its position")

@@ -20,7 +20,7 @@ from models.compiled.residuals import weighed
 from models.drives.drive import Drive
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
-from models.files.units import unit_of
+from models.files.units import unit_at_end
 from models.identification.kind import Array, Kind, Split
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import (
@@ -141,7 +141,7 @@ class SeriesKind(Kind):
 
     @property
     def unit(self) -> str:
-        return unit_of(self.column) if self.column in self.beside else "N" if self.drive.imposed else "m"
+        return unit_at_end(self.column)[1] if self.column in self.beside else "N" if self.drive.imposed else "m"
 
     @property
     def final(self) -> int:

@@ -54,11 +54,13 @@ def low_passed(signal: Array, dt: float) -> Array:
 
 
 @lru_cache(maxsize=KEPT)
-def _rows(record: Record, column: str) -> NDArray[np.int64]:
-    """The rows whose residuals in `column` count."""
+def _rows(record: Record, column: str, place: str, away: float) -> NDArray[np.int64]:
+    """The rows whose residuals in `column` count; of a further one, once the `place` was so far `away` from its first."""
     if column not in FURTHER:
         return np.flatnonzero(counted(record))
-    return np.flatnonzero(np.isfinite(record[column]) & (record.columns.get(RUN_IN, 0.0) == 0))
+    rows = np.flatnonzero(np.isfinite(record[column]) & (record.columns.get(RUN_IN, 0.0) == 0))
+    x = record.columns.get(place, rows)
+    return rows[rows >= np.argmax(np.abs(x - x[0]) > away)] if away else rows
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,11 @@ class SeriesKind(Kind):
     def _std(self, column: str) -> float:
         return self.beside.get(column, self.noise_std)
 
+    def _rows(self, record: Record, column: str) -> NDArray[np.int64]:
+        """The rows that count: while a body rests where a noisy place has it, a magnet's force is off by that noise."""
+        away = SET.left_start * self.noise_std if self.drive.anchored else 0.0
+        return _rows(record, column, self.drive.measured, away)
+
     @property
     def unit(self) -> str:
         return unit_at_end(self.column)[1] if self.column in self.beside else "N" if self.drive.imposed else "m"
@@ -200,7 +207,7 @@ class SeriesKind(Kind):
         return [column for column in self.channels if column in record.columns]
 
     def _weighed(self, record: Record, column: str, outputs: Array) -> Array:
-        rows, averaged = _rows(record, column), self._averaged(record, column)
+        rows, averaged = self._rows(record, column), self._averaged(record, column)
         if column in self.beside:
             outputs = outputs + (record[column] - outputs)[:, rows].mean(axis=1, keepdims=True)
         weight = (SET.diverged, self.tail)
@@ -208,7 +215,7 @@ class SeriesKind(Kind):
 
     def _averaged(self, record: Record, column: str) -> int:
         quick = column in FURTHER and FURTHER[column].rate
-        return 1 if quick or len(_rows(record, column)) < 2 * self.averaged else self.averaged
+        return 1 if quick or len(self._rows(record, column)) < 2 * self.averaged else self.averaged
 
     def slow(self, records: Sequence[Record], rows: Array) -> Array:
         if not self.beside:
@@ -216,7 +223,7 @@ class SeriesKind(Kind):
         parts, end = list[Array](), 0
         for record in records:
             for column in self._logged(record):
-                size = len(_rows(record, column)) // self._averaged(record, column)
+                size = len(self._rows(record, column)) // self._averaged(record, column)
                 seconds = interval(record) * len(record)
                 parts.append(self._slow(rows[:, end : end + size], SET.slow_s * size / seconds))
                 end += size
@@ -234,7 +241,8 @@ class SeriesKind(Kind):
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms of the prediction error low-passed at 2 Hz, over the samples that count."""
         parts = [
-            self.off(r, predicted)[_rows(r, self.quantity)] for r, predicted in zip(records, predictions, strict=True)
+            self.off(r, predicted)[self._rows(r, self.quantity)]
+            for r, predicted in zip(records, predictions, strict=True)
         ]
         return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
@@ -244,7 +252,7 @@ class SeriesKind(Kind):
         """
         if self.column in self.beside:
             off = record[self.column] - predicted
-            return np.asarray(off - off[_rows(record, self.column)].mean())
+            return np.asarray(off - off[self._rows(record, self.column)].mean())
         good, t = counted(record), record["t_s"]
         return low_passed(np.interp(t, t[good], (record[self.quantity] - predicted)[good]), interval(record))
 

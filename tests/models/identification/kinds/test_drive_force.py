@@ -34,6 +34,12 @@ def test_a_magnet_that_loses_its_grip_is_told_from_friction_that_grows() -> None
     assert "drive force in " in report_html(both)
 
 
+def test_where_nothing_hides_nothing_is_named() -> None:
+    """One image off by 0.2 mm at the start is 5 mN of a magnet's force, and counts for no more than an image."""
+    rig, records, _ = series(12.0, 3, MAGNET, {})
+    assert closed(records, rig).verdict == "none"
+
+
 def test_a_coil_that_fades_is_told_from_friction_that_grows() -> None:
     """Fits to images of 0.2 mm leave as much with either effect; beside a load cell they do not."""
     rig, records, _ = series(COIL.seconds, bench=COIL)

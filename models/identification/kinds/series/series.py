@@ -55,7 +55,7 @@ def low_passed(signal: Array, dt: float) -> Array:
 
 @lru_cache(maxsize=KEPT)
 def _rows(record: Record, column: str, place: str, away: float) -> NDArray[np.int64]:
-    """The rows whose residuals in `column` count; of a further one, once the `place` was so far `away` from its first."""
+    """The rows whose residuals in `column` count; of a further one, once the `place` is so far `away` from its first."""
     if column not in FURTHER:
         return np.flatnonzero(counted(record))
     rows = np.flatnonzero(np.isfinite(record[column]) & (record.columns.get(RUN_IN, 0.0) == 0))

@@ -1,6 +1,7 @@
 """`capsule check`: what is wrong with records before any fit, and what they cannot show."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -52,7 +53,12 @@ def _checked(records: Sequence[Path], rig: Path, out: Path | None, json_output: 
         findings = (*_refused(belief, read), *findings)
     stops = stopping(findings) is not None
     hidden = {} if stops else cannot_show(belief, read, catalogue.acting_on(belief.kind))
-    sizes = {} if stops else _smallest(catalogue.given_to(belief), read)
+    sizes: dict[str, Quantity] = {}
+    if not stops:
+        given = catalogue.given_to(belief)
+        with suppress(ValueError):  # what cannot be fitted at all shows nothing
+            train = [ready(record, given) for record in read]
+            sizes = smallest(narrowed(kind_for(given, train), given, train)[0], train)
     document = {
         "findings": [finding.to_dict() for finding in findings],
         "cannot_show": hidden,
@@ -69,7 +75,7 @@ def _checked(records: Sequence[Path], rig: Path, out: Path | None, json_output: 
             summary().print(sizes_table(sizes))
         if out is not None:
             say(TEXT("check.report", path=out / PAGE))
-    return STOPPED if stopping(findings) else 0
+    return STOPPED if stops else 0
 
 
 def headline(findings: Sequence[RecordFinding]) -> str:
@@ -106,15 +112,6 @@ def _refused(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
         how, remedy = TEXT("check.refused_how"), TEXT("check.refused_remedy")
         return (RecordFinding("refused", "stops", at.source or at.name, "throughout", said, how, remedy),)
     return ()
-
-
-def _smallest(rig: Rig, records: Sequence[Record]) -> dict[str, Quantity]:
-    """What the records would show at least; nothing where they cannot be fitted at all."""
-    try:
-        train = [ready(record, rig) for record in records]
-        return smallest(narrowed(kind_for(rig, train), rig, train)[0], train)
-    except ValueError:
-        return {}
 
 
 def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, str]) -> None:

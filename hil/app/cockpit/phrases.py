@@ -1,4 +1,4 @@
-"""States as phrases with cause and remedy, and what a tooltip says of each number of the page."""
+"""States as phrases with cause and remedy."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -12,16 +12,6 @@ _GRADES: Final[Mapping[str, tuple[str, ...]]] = {
     "good": ("enabled", "running", "holds"),
     "move": ("slips_forward", "slips_backward"),
 }
-TIPS: Final = (
-    *("position", "reference", "error", "model", "drive", "controller", "temperature", "up", "clock"),
-    *("rate", "load", "good", "lost", "unknown", "refused", "refused_frame", "evidence", "alarms", "since"),
-    *("parameter", "rig_file", "event", "number"),
-)
-"""Names of the page's numbers outside its panels."""
-
-
-def tips() -> dict[str, str]:
-    return {name: TEXT(f"tip.{name}") for name in TIPS}
 
 
 def grade_of(state: str) -> str:

@@ -66,24 +66,14 @@ def _head(example: Example) -> dict[str, str]:
 
 def _line(example: Example, one: ExampleResult) -> dict[str, Any]:
     """An example's numbers in words, and its figures: the missions of a driven one, the motion of a proposed record."""
-    finding, shown = (
-        one.finding,
-        {
-            **_head(example),
-            "result": one,
-            "headline": f"{headline(one.finding)} {confidence_words(one.finding)}".strip(),
-        },
-    )
+    finding, shown = one.finding, {**_head(example), "result": one, "error_words": error_words(one.finding)}
+    shown["headline"] = f"{headline(finding)} {confidence_words(finding)}".strip()
     shown["verdict"] = verdict_words(finding)
     if not one.missions and one.before is None:
         drawn = [panel for trace in finding.traces for panel in panels(finding, trace)][:_MEASURED]
-        return shown | {
-            "measured": [(f"{panel.record}: {panel.quantity}", trace_figure(panel, POINTS)) for panel in drawn],
-            "error_words": error_words(finding),
-        }
+        return shown | {"measured": [(f"{one.record}: {one.quantity}", trace_figure(one, POINTS)) for one in drawn]}
     held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
-    shown |= {"truth": truth_rows(one), "error_words": error_words(finding)}
-    shown["held"] = trace_figure(panels(finding, held)[0], POINTS)
+    shown |= {"truth": truth_rows(one), "held": trace_figure(panels(finding, held)[0], POINTS)}
     if one.before is not None:
         proposal = one.before.proposal
         shown |= {"motion": proposal and motion_figure(proposal), "before": headline(one.before)}

@@ -79,7 +79,6 @@ def design(
 
 def design_json(found: Study, unit: str) -> dict[str, Any]:
     """What the design found, SI; `unit` is the command's."""
-    cycles = found.cycles()
     return {
         "speed_m_s": found.speed_m_s,
         "delay_s": found.delay_s,
@@ -95,11 +94,8 @@ def design_json(found: Study, unit: str) -> dict[str, Any]:
         "gains": tables.gains_json(found.pid, found.lqr, unit),
         "margins": [{"controller": loop.name, "phase": loop.phase, **vars(loop.margins())} for loop in found.loops],
         "cycles": {
-            name: {
-                part: {"peak_to_peak_m": c.peak_to_peak_m, "period_s": c.period_s, "rms_m": c.rms_m, "hunts": c.hunts}
-                for part, c in parts.items()
-            }
-            for name, parts in cycles.items()
+            name: {part: {**asdict(cycle), "hunts": cycle.hunts} for part, cycle in parts.items()}
+            for name, parts in found.cycles().items()
         },
         "harmonic_balance": {name: [asdict(cycle) for cycle in found.balances()[name]] for name in found.laws()},
     }
@@ -141,20 +137,10 @@ def vibro_json(found: VibroStudy) -> dict[str, Any]:
 
 def vibro_lines(found: VibroStudy) -> list[str]:
     own, (low, high) = found.resonance, found.drive.reach()
-    resonance = TEXT("vibro.resonance", held=own.held_Hz, free=own.free_Hz, damping=own.damping)
+    resonance = TEXT("vibro.resonance", own=own)
     if math.isfinite(own.contact_s):
         resonance = TEXT("vibro.contact", resonance=resonance, contact=own.contact_s)
-    gears = [
-        TEXT(
-            "vibro.gear",
-            home=gear.home_m_s,
-            slowest=gear.slowest_m_s,
-            fastest=gear.fastest_m_s,
-            period=gear.waveform(gear.home_m_s).period_s,
-            impact=gear.impact,
-        )
-        for gear in found.drive.gears
-    ]
+    gears = (TEXT("vibro.gear", gear=one, home=one.waveform(one.home_m_s)) for one in found.drive.gears)
     return [resonance, TEXT("vibro.reach", low=low, high=high, lag=found.drive.lag_s), *gears]
 
 

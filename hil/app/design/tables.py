@@ -5,7 +5,7 @@ from typing import Any, Final
 from rich.table import Table
 
 from controller.baselines import Gains, lqr_gains
-from controller.design.describing_function import AMPLITUDES_M, Balance
+from controller.design.describing_function import AMPLITUDES_M
 from controller.design.study import Study
 from controller.design.tuning import Margins, Pid
 from controller.drives import driven_of
@@ -29,20 +29,12 @@ def words_of(found: Study, plant: ControlModel) -> list[str]:
 
 
 def balance_lines(found: Study) -> list[str]:
-    return [TEXT("balance.line", name=name, words=_balance_words(one)) for name, one in found.balances().items()]
-
-
-def _balance_words(found: list[Balance]) -> str:
-    if not found:
-        return TEXT("balance.none", low=float(AMPLITUDES_M[0]), high=float(AMPLITUDES_M[-1]))
-    return "; ".join(
-        TEXT(
-            f"balance.{'hunts' if one.stable else 'rests'}",
-            amplitude=one.amplitude_m,
-            frequency=float(one.frequency_Hz),
-        )
-        for one in found
-    )
+    none = TEXT("balance.none", low=float(AMPLITUDES_M[0]), high=float(AMPLITUDES_M[-1]))
+    lines = []
+    for name, cycles in found.balances().items():
+        words = "; ".join(TEXT(f"balance.{'hunts' if one.stable else 'rests'}", cycle=one) for one in cycles)
+        lines.append(TEXT("balance.line", name=name, words=words or none))
+    return lines
 
 
 def _complex(rate: complex) -> str:

@@ -124,8 +124,9 @@ def progress_bar(title: str, *, even: bool = False, done: float = 0.0) -> Iterat
         yield report
 
 
-def part_of(report: Callable[[str, float], None], number: int, count: int) -> Callable[[str, float], None]:
-    return lambda stage, share: report(stage, (number + share) / count)
+def part_of(report: Callable[[str, float], None], begin: float, end: float) -> Callable[[str, float], None]:
+    """The progress of a part of the work, from the share `begin` of it to `end`."""
+    return lambda stage, share: report(stage, begin + (end - begin) * share)
 
 
 def stage_lines(

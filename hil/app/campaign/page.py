@@ -32,7 +32,6 @@ def value_of(row: Row, metric: str) -> float:
 
 
 def unsafe(row: Row) -> bool:
-    """Whether a fault ended unsafe."""
     return any(fault["unsafe"] for fault in row.get("result", {}).get("faults", []))
 
 
@@ -150,7 +149,6 @@ def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None, ve
 
 
 def key_words(key: str) -> tuple[str, str]:
-    """Name and unit of a scenario's key."""
     return column_words(key.rpartition(".")[2])
 
 

@@ -168,7 +168,6 @@ def _compared(asked: Asked, envelope: Envelope) -> tuple[list[str], str]:
 def _words(
     asked: Asked, deployment: Deployment, numbers: Numbers, envelope: Envelope, files: Mapping[str, Any]
 ) -> dict[str, str]:
-    """What the templates are filled with."""
     (tolerance, compared), sizes = _compared(asked, envelope), numbers.sizes
     daqp = [name for name in files if name.startswith("daqp/src/")]
     flags = [*tolerance, *(["-DCAPSULE_ESTIMATOR_ONLY"] if asked.alone else [])]

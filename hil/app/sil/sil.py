@@ -85,9 +85,8 @@ def sil(
                 progress_bar(scenario.loop.name, even=True) as report,
                 Background() if learn else nullcontext() as background,
             ):
-                runs = [
-                    asked.run(name, part_of(report, k, len(names)), shown, background) for k, name in enumerate(names)
-                ]
+                parts = [part_of(report, k / len(names), (k + 1) / len(names)) for k in range(len(names))]
+                runs = [asked.run(name, part, shown, background) for name, part in zip(names, parts, strict=True)]
             documents: Any = runs[0].found if compare is None else {"runs": [one.found for one in runs]}
             head = TEXT("run", kind=scenario.loop.kind, seconds=scenario.loop.duration_s, seed=number)
             if out is not None:

@@ -73,7 +73,7 @@ def _runs(
     runs = list[LoopRun]()
     with progress_bar(scenario.name, even=True) as report:
         for k, name in enumerate(names):
-            part = part_of(report, k, len(names))
+            part = part_of(report, k / len(names), (k + 1) / len(names))
             trace = run_loop(scenario, model, name, seed, part, offer=offer, others=others)
             worth = score(scenario, trace)
             found = document(

@@ -42,30 +42,25 @@ def check(
     with own_folder(out, "--out"):
         if out is not None:
             check_targets([out / PAGE, out / NUMBERS], "--out", [*records, rig])
-        return _checked(records, rig, out, json_output, effects)
-
-
-def _checked(records: Sequence[Path], rig: Path, out: Path | None, json_output: bool, effects: Sequence[Path]) -> int:
-    belief, catalogue = read_deployed_rig(rig), Catalogue.read(effects)
-    read, _ = read_series(records, (), belief, lenient=True)
-    findings = examine(belief, read)
-    if stopping(findings) is None:
-        findings = (*_refused(belief, read), *findings)
-    stops = stopping(findings) is not None
-    hidden = {} if stops else cannot_show(belief, read, catalogue.acting_on(belief.kind))
-    sizes: dict[str, Quantity] = {}
-    if not stops:
-        given = catalogue.given_to(belief)
-        with suppress(ValueError):  # what cannot be fitted at all shows nothing
-            train = [ready(record, given) for record in read]
-            sizes = smallest(narrowed(kind_for(given, train), given, train)[0], train)
-    document = {
-        "findings": [finding.to_dict() for finding in findings],
-        "cannot_show": hidden,
-        "smallest_detectable": {name: size.value for name, size in sizes.items()},
-    }
-    if out is not None:
-        write_files({out / PAGE: page_html(read, findings, hidden, sizes), out / NUMBERS: json_text(document)})
+        belief, catalogue = read_deployed_rig(rig), Catalogue.read(effects)
+        read, _ = read_series(records, (), belief, lenient=True)
+        findings = examine(belief, read)
+        if stopping(findings) is None:
+            findings = (*_refused(belief, read), *findings)
+        stops, hidden, sizes = stopping(findings) is not None, dict[str, str](), dict[str, Quantity]()
+        if not stops:
+            hidden = cannot_show(belief, read, catalogue.acting_on(belief.kind))
+            given = catalogue.given_to(belief)
+            with suppress(ValueError):  # what cannot be fitted at all shows nothing
+                train = [ready(record, given) for record in read]
+                sizes = smallest(narrowed(kind_for(given, train), given, train)[0], train)
+        document = {
+            "findings": [finding.to_dict() for finding in findings],
+            "cannot_show": hidden,
+            "smallest_detectable": {name: size.value for name, size in sizes.items()},
+        }
+        if out is not None:
+            write_files({out / PAGE: page_html(read, findings, hidden, sizes), out / NUMBERS: json_text(document)})
     if json_output:
         print_json(document)
     else:

@@ -80,12 +80,7 @@ def read_checks(
         for name, good, needed, got in (
             ("recovered_within_s", recovered, "the end of a drop-out or NaN early enough in the run", fault),
             ("settled_within_s", settles, "a reference that comes to rest", "one that does not"),
-            (
-                "drift_mm",
-                still.size and still.all(),
-                f"a reference at rest from {begin:g} s to the end",
-                "one that moves",
-            ),
+            ("drift_mm", still.size and still.all(), whole, "one that moves"),
             ("speed_error_percent", even, f"a reference at one speed for over {after:g} s", "none"),
         ):
             if getattr(checks, name) is not None and not good:

@@ -26,31 +26,17 @@ TABLE: Final = ("friction.csv", "friction.json")
 
 
 def export(
-    form: Annotated[str, argument("fmu/table/mujoco/controller/estimator", "What to write.")],
-    out: Annotated[Path, option("--out", "FILE/DIR", "An .fmu, an .xml for mujoco, else a folder.")],
+    form: Annotated[str, argument("fmu/table/mujoco/controller/estimator")],
+    out: Annotated[Path, option("--out", "FILE/DIR")],
     *,
-    scenario: Annotated[
-        Path | None,
-        argument(
-            "FILE.toml",
-            "The scenario whose plant becomes an FMU; the deployment of a controller or estimator.",
-            "scenario or deployment file",
-        ),
-    ] = None,
+    scenario: Annotated[Path | None, argument("FILE.toml", "scenario or deployment file")] = None,
     model: LearnedModel = None,
-    rig: Annotated[
-        Path | None, option("--rig", "RIG.toml", "The rig file that the model belongs to.", "rig file")
-    ] = None,
+    rig: Annotated[Path | None, option("--rig", "RIG.toml", "rig file")] = None,
     stage: Stage = "augmented",
-    driven: Annotated[str, option("--driven", "COLUMN", "coil_voltage_V: a coil is commanded by its voltage.")] = "",
-    single: Annotated[bool, typer.Option("--float32", help="A controller or estimator in single precision.")] = False,
-    particles: Annotated[
-        int | None,
-        typer.Option("--particles", metavar="N", min=50, max=1000, help="Of a controller's estimator; else 300."),
-    ] = None,
-    short: Annotated[
-        bool, typer.Option("--short-plan", help="An MPC of 20 stages and one SQP step a tick, not 30 and two.")
-    ] = False,
+    driven: Annotated[str, option("--driven", "COLUMN")] = "",
+    single: Annotated[bool, typer.Option("--float32")] = False,
+    particles: Annotated[int | None, typer.Option("--particles", metavar="N", min=50, max=1000)] = None,
+    short: Annotated[bool, typer.Option("--short-plan")] = False,
     json_output: Json = False,
     effects: OwnEffects,
 ) -> None:

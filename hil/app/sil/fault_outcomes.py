@@ -144,17 +144,14 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
         after_s, distance_m, why = lied(scenario, trace, faults, end)
         return FaultOutcome(faults, after_s, math.nan, bool(why), distance_m, why)
     t, safe, good = trace.slots.T
-    within = (t > fault.at_s) & (t <= end)
-    reached = np.flatnonzero(within & (safe > 0))
+    reached = np.flatnonzero((t > fault.at_s) & (t <= end) & (safe > 0))
     if reached.size and _released(scenario, trace, faults, float(t[reached[0]])):
         reached = reached[:0]
     first = int(reached[0]) if reached.size else -1
-    after_s = float(t[first] - fault.at_s) if reached.size else math.nan
+    after_s, since_good_s = (float(t[first] - at_s) if reached.size else math.nan for at_s in (fault.at_s, good[first]))
     rows = trace.rows[(trace.rows[:, at.O_T] >= fault.at_s) & (trace.rows[:, at.O_T] < end)]
-    unsafe = (
-        rows.shape[0] > 1
-        and violations(scenario.loop.truth, scenario.loop.limits, rows, scenario.loop.control.tick_s) > 0
-    )
+    loop = scenario.loop
+    unsafe = rows.shape[0] > 1 and violations(loop.truth, loop.limits, rows, loop.control.tick_s) > 0
     unsafe = unsafe or any(_missteered(scenario, trace, f, end) for f in faults if f.needs == OPERATOR)
     before = np.flatnonzero(t <= fault.at_s + ROUNDING_S)
     if before.size and not safe[before[-1]]:
@@ -165,7 +162,7 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
         pressed = trace.steered[-1, PRESSED] > trace.steered[_tick(scenario, trace, float(t[first])), PRESSED]
         again = reached.size > 0 and not safe[first:].all() and not pressed  # a press enables the drive again
         unsafe = unsafe or late or again
-    return FaultOutcome(faults, after_s, float(t[first] - good[first]) if reached.size else math.nan, bool(unsafe))
+    return FaultOutcome(faults, after_s, since_good_s, bool(unsafe))
 
 
 def _limit_s(scenario: SilScenario, trace: SilTrace, fault: Fault) -> float:
@@ -218,10 +215,7 @@ def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: f
     moved = np.flatnonzero(within & (safe == 0))
     first = int(moved[0]) if moved.size else int(np.argmax(within))
     rests = np.flatnonzero(within & (safe > 0) & (np.arange(t.size) >= first))
-    if not moved.size:
-        after_s = 0.0
-    else:
-        after_s = float(t[rests[0]] - begin) if rests.size else math.nan
+    after_s = 0.0 if not moved.size else float(t[rests[0]] - begin) if rests.size else math.nan
     until = min(end, math.inf if not moved.size or math.isnan(after_s) else begin + after_s)
     rows = trace.rows[(trace.rows[:, at.O_T] >= begin) & (trace.rows[:, at.O_T] <= until)]
     if not moved.size:

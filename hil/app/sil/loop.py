@@ -131,44 +131,31 @@ def run_sil(
         " took longer"
     )
     began = time.perf_counter()
+    led = list[int]()
     with at_most(longest_s, sentence) as look:
-        led = _ticks(trace, bench, controller, report, look, learner)
+        bench.start()
+        for k in range(ticks):
+            tick = bench.begin_tick()
+            trace.steered[k] = bench.steered
+            if tick is not None:
+                trace.note(k, tick, bench.node.task.model)
+                if tick.passed.mode == ENABLE:
+                    led.append(k)
+                else:
+                    trace.status.pop()
+                if learner is not None:
+                    error_m = float(tick.estimate.state[0]) - bench.node.wanted_m(tick.time_s)
+                    learner.step(tick.time_s, bench.node.estimator.health, error_m)
+            for number in range(bench.slots):
+                at, drive = bench.slot(number), bench.plant.drive
+                trace.slots[k * bench.slots + number] = at + SLOT_S, drive.safe, drive.good_at
+            bench.end_tick()
+            if report is not None and k % max(1, ticks // _REPORTS) == 0:
+                report(controller, k / ticks)
+            look()
     trace.wall_clock_s = time.perf_counter() - began
     trace.end(bench, led, learner)
     return trace
-
-
-def _ticks(
-    trace: SilTrace,
-    bench: Bench,
-    controller: str,
-    report: Progress | None,
-    look: Callable[[], None],
-    learner: Learner | None = None,
-) -> list[int]:
-    """Fill `trace` and call `look` after every tick; the ticks in which the controller led the drive."""
-    ticks, led = len(trace.slots) // bench.slots, []
-    bench.start()
-    for k in range(ticks):
-        tick = bench.begin_tick()
-        trace.steered[k] = bench.steered
-        if tick is not None:
-            trace.note(k, tick, bench.node.task.model)
-            if tick.passed.mode == ENABLE:
-                led.append(k)
-            else:
-                trace.status.pop()
-            if learner is not None:
-                error_m = float(tick.estimate.state[0]) - bench.node.wanted_m(tick.time_s)
-                learner.step(tick.time_s, bench.node.estimator.health, error_m)
-        for number in range(bench.slots):
-            at = bench.slot(number)
-            trace.slots[k * bench.slots + number] = at + SLOT_S, bench.plant.drive.safe, bench.plant.drive.good_at
-        bench.end_tick()
-        if report is not None and k % max(1, ticks // _REPORTS) == 0:
-            report(controller, k / ticks)
-        look()
-    return led
 
 
 _AGAIN_S: Final = 1.0  # between further alarms

@@ -1,5 +1,6 @@
 """`capsule campaign`: thousands of closed loops, or `close-loop` on many series, resumed after an interruption."""
 
+import io
 import json
 import shlex
 from collections.abc import Iterable, Sequence
@@ -199,15 +200,11 @@ def write_table(path: Path, rows: Iterable[Row]) -> str:
 
     kinds = dict.fromkeys(_TEXTS, pyarrow.string()) | {"seed": pyarrow.int64(), "unsafe": pyarrow.bool_()}
     schema = pyarrow.schema(kinds | dict.fromkeys(("seconds", *METRICS), pyarrow.float64()))
-    draft = path.with_name(f".{path.name}.part")
-    try:
-        with pyarrow.parquet.ParquetWriter(draft, schema, compression="zstd") as writer:
-            cells = map(_cells, rows)
-            while batch := list(islice(cells, _BATCH)):
-                writer.write_table(pyarrow.Table.from_pylist(batch, schema))
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
+    cells, sink = map(_cells, rows), io.BytesIO()
+    with pyarrow.parquet.ParquetWriter(sink, schema, compression="zstd") as writer:
+        while batch := list(islice(cells, _BATCH)):
+            writer.write_table(pyarrow.Table.from_pylist(batch, schema))
+    write_files({path: sink.getvalue()})
     return str(path)
 
 

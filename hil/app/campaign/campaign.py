@@ -32,6 +32,7 @@ RESULTS, TABLE, PAGE, NUMBERS = "results.jsonl", "results.parquet", "campaign.ht
 REPORTS: Final = "series"
 SERIES_LIMIT_S: Final = 6 * 3600.0  # longest close-loop of a series
 _SHOWN: Final = 5  # worst cases that the terminal shows
+_FAILED_RUNS: Final = 5  # that are listed of each error
 _MARK: Final = "close-loop over folders"  # Marks the results of series; each series has a hash of its own
 Outcome = tuple[dict[str, Any], Sequence[str | Table], bool]
 """The numbers, the lines for the terminal, and whether a run failed."""
@@ -114,8 +115,8 @@ def document(plan: Campaign, runs: Runs, repeat: str) -> dict[str, Any]:
         "all": runs.summary(),
         "groups": {name: runs.summary(which) for name, which in runs.groups().items()},
         "failures": [
-            {"error": one.error, "count": one.count, "runs": one.runs, "repeat": f"{repeat} --run {one.runs[0]}"}
-            for one in runs.failures.values()
+            {"error": error, "count": len(those), "runs": those[:_FAILED_RUNS], "repeat": f"{repeat} --run {those[0]}"}
+            for error, those in runs.failures.items()
         ],
         "worst": [
             {"run": row["run"], "value": value_of(row, metric), "point": row["point"]}

@@ -86,7 +86,11 @@ def fmu(unit: FmuUnit) -> bytes:
     source = "\n".join(
         (f'#define TOKEN "{token}"', unit.header, unit.core.read_text("utf-8"), (_HERE / "fmi3.c").read_text("utf-8"))
     )
-    folder, ending = _platform()
+    # FMI's name of this machine, and the ending of its libraries
+    systems = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("windows", ".dll")}
+    system, ending = systems.get(sys.platform, (sys.platform, ".so"))
+    machine = platform.machine().lower()
+    folder = f"{_MACHINES.get(machine, machine)}-{system}"
     files = {
         "modelDescription.xml": filled("modelDescription.xml.j2", unit=unit, token=token).encode(),
         f"binaries/{folder}/{unit.identifier}{ending}": _compiled(source, unit.objects),
@@ -107,14 +111,6 @@ def filled(template: str, **records: Any) -> str:
         loader=FileSystemLoader(_HERE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     return templates.get_template(template).render(**records)
-
-
-def _platform() -> tuple[str, str]:
-    """FMI's name of this machine and the ending of its libraries."""
-    system = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("windows", ".dll")}
-    name, ending = system.get(sys.platform, (sys.platform, ".so"))
-    machine = platform.machine().lower()
-    return f"{_MACHINES.get(machine, machine)}-{name}", ending
 
 
 def _compiled(source: str, objects: Mapping[str, bytes]) -> bytes:

@@ -155,7 +155,9 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
     unsafe = unsafe or any(_missteered(scenario, trace, f, end) for f in faults if f.needs == OPERATOR)
     before = np.flatnonzero(t <= fault.at_s + ROUNDING_S)
     if before.size and not safe[before[-1]]:
-        limit = min(f.at_s - fault.at_s + _limit_s(scenario, trace, f) for f in faults)
+        # a fault of an operator who does not steer needs no safe state
+        needed = (f for f in faults if f.needs != OPERATOR or trace.steered[_tick(scenario, trace, f.at_s), SOURCE])
+        limit = min((f.at_s - fault.at_s + limit_of(scenario, f) for f in needed), default=math.inf)
         lasts = max(f.end_s for f in faults) - fault.at_s
         watched = min(lasts, end - fault.at_s, float(t[-1]) - fault.at_s)
         late = after_s > limit + ROUNDING_S if reached.size else watched > limit
@@ -163,13 +165,6 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
         again = reached.size > 0 and not safe[first:].all() and not pressed  # a press enables the drive again
         unsafe = unsafe or late or again
     return FaultOutcome(faults, after_s, since_good_s, bool(unsafe))
-
-
-def _limit_s(scenario: SilScenario, trace: SilTrace, fault: Fault) -> float:
-    """`limit_of`; a fault of an operator who does not steer needs no safe state."""
-    if fault.needs == OPERATOR and not trace.steered[_tick(scenario, trace, fault.at_s), SOURCE]:
-        return math.inf
-    return limit_of(scenario, fault)
 
 
 def _missteered(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float) -> bool:

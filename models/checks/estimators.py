@@ -29,9 +29,7 @@ def white_noise(x: Array) -> float:
 
 
 def smooth_speed(x: Array, dt: float) -> tuple[Array, float, int]:
-    """Speed of a place over the shortest of a few windows that shows more motion than noise, its noise, and half that
-    window in samples.
-    """
+    """Speed of a place over the shortest window that shows more motion than noise, its noise, half that window."""
     noise = max(white_noise(x), step_noise(x))
     for window in SET.speed_windows_s:
         n = max(1, round(window / 2 / dt))

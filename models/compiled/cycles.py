@@ -67,9 +67,7 @@ class Cycles:
         return addresses([Code(step, inputs, (0, n + m + 4))], LANES)[0]
 
     def speeds(self, runs: Array, values: Mapping[Name, float], step_s: float = STEP_S) -> Array:
-        """Mean speed of the body in m/s (k,) over each of the `runs` (k, 3): period in s, duty and number of cycles; at
-        `values` by name.
-        """
+        """Mean speed of the body in m/s (k,) over `runs` (k, 3): period in s, duty, cycles; at `values` by name."""
         states = self.assembly.states
         watched = np.array([k for k, name in enumerate(states) if name == "v" or name not in BASE_STATES])
         start = np.concatenate([self.assembly.start(), self.assembly.vector(values), np.zeros(5)])

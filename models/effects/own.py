@@ -36,9 +36,7 @@ def _read_again(path: Path, name: str) -> Origin:
 
 
 def own_effects(paths: Sequence[Path], ours: Collection[str]) -> tuple[Origin, ...]:
-    """The effects of `paths` and of installed packages, whose ids none of `ours` may have. Raises ValueError, one
-    sentence with the file, where one cannot be used.
-    """
+    """The effects of `paths` and installed packages, of ids that none of `ours` has. Raises ValueError."""
     found = list(_found(paths))
     ids = {*ours, *(origin.effect.id for origin in found if isinstance(origin.effect.id, str))}
     taken = dict.fromkeys(ours, "the catalogue")

@@ -149,7 +149,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
         sources.update(find_columns(str(path), rig, header, units, driven_only))
         return [source.column for target, source in sources.items() if source.column and target not in _free(kind)]
 
-    sparse = _may_be_empty(kind)
+    sparse = (*_sparse(kind), *_paced(kind))
     table = read_table(
         path,
         check,
@@ -181,12 +181,12 @@ def record_of(
     lengths = {column: np.shape(values) for column, values in columns.items()}
     if not columns or len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
         raise ValueError(f"{where}: columns must be arrays of one dimension and one length; got {lengths}"[:300])
-    sources = find_columns(where, rig, header, {}, driven_only)
+    sources, kind = find_columns(where, rig, header, {}, driven_only), KINDS[rig.kind]
     for target, source in sources.items():
-        if target in _free(KINDS[rig.kind]) or not source.column:
+        if target in _free(kind) or not source.column:
             continue
         values = columns[source.column]
-        wrong = np.isinf(values) if target in _may_be_empty(KINDS[rig.kind]) else ~np.isfinite(values)
+        wrong = np.isinf(values) if target in (*_sparse(kind), *_paced(kind)) else ~np.isfinite(values)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
@@ -204,11 +204,6 @@ def _sparse(kind: RigKind) -> tuple[str, ...]:
 def _paced(kind: RigKind) -> tuple[str, ...]:
     """Columns of ours that may be empty where others are not: single stamps, and what has a clock of its own."""
     return (TIME, *(name for one in kind.layouts if one.time for names in one.driven for name in names))
-
-
-def _may_be_empty(kind: RigKind) -> tuple[str, ...]:
-    """Columns of ours whose cells may be empty."""
-    return (*_sparse(kind), *_paced(kind))
 
 
 def _free(kind: RigKind) -> tuple[str, ...]:

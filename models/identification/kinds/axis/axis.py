@@ -222,7 +222,7 @@ class AxisKind(Kind):
         if self.usual_std is not None:
             return self.usual_std * passed(rate, self.band)
         filtered = decimate(record[self.quantity], rate, self.band)
-        return SET.axis_noise * float(np.sqrt(np.mean(filtered**2)))
+        return float(SET.axis_noise * np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """The error in % that the noise of the quietest record makes; NaN where a noise is unknown."""

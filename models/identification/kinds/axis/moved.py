@@ -148,7 +148,7 @@ def _shown(rate: float, order: int) -> float:
 def _white(rate: float, band: float) -> Array:
     """White noise at `rate` Hz that is long enough for the filter of the `band`."""
     least = 4 * round(SET.border / band * rate) + 200 * reduction(rate, band)
-    return np.random.default_rng(0).standard_normal(max(SET.axis_rows, least))
+    return np.random.default_rng(0).standard_normal(int(max(SET.axis_rows, least)))
 
 
 def white_part(signal: Array) -> float:

@@ -107,9 +107,8 @@ def fmu(unit: FmuUnit) -> bytes:
 
 def filled(template: str, **records: Any) -> str:
     """The XML that a template beside this module makes of `records`."""
-    templates = Environment(
-        loader=FileSystemLoader(_HERE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    how: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    templates = Environment(loader=FileSystemLoader(_HERE), autoescape=True, undefined=StrictUndefined, **how)
     return templates.get_template(template).render(**records)
 
 

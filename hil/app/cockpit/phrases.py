@@ -1,21 +1,14 @@
 """States as phrases with cause and remedy."""
 
-from collections.abc import Mapping
 from typing import Final
 
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
-_GRADES: Final[Mapping[str, tuple[str, ...]]] = {
-    "bad": ("fault", "silent", "broken", "lost"),
-    "doubt": ("derated", "quick_stop", "stopping", "doubtful"),
-    "good": ("enabled", "running", "holds"),
-    "move": ("slips_forward", "slips_backward"),
-}
 
 
 def grade_of(state: str) -> str:
-    return next((grade for grade, states in _GRADES.items() if state in states), "note")
+    return TEXT(f"grade.{state}") if f"grade.{state}" in TEXT else "note"
 
 
 def words(name: str) -> str:

@@ -1,7 +1,7 @@
 """The outcome of each fault: the time until the drive was in its safe state, and whether that was safe."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -29,29 +29,18 @@ WANTED, SOURCE, _, PRESSED = range(4)  # Columns of `SilTrace.steered`
 BUS_S: Final = 0.02  # to the safe state after a fault of the bus itself
 STUCK_S: Final = 0.05  # the same for a stuck value
 PLACE_S: Final = 0.155  # 150 ms without localisation, and the delay of the next tick to the drive
-_RIDDEN: Final = ("duplicate", "reorder", "replay", "beyond_limits", "second_operator")
 _STRANGERS: Final = ("second_master", "player")
-_OWN_S: Final[Mapping[str, float]] = {
-    "babbling": BUS_S,
-    "second_master": BUS_S,
-    "player": BUS_S,
-    "over_temperature": 0.5,
-    "drive_reset": 0.02,
-    "late_solve": 0.02,
-    "clock_jump": 0.02,
-}
 
 
 def limit_s(rig: str, fault: Fault) -> float:
     """Longest time in s from a fault (not an operator's) to the safe state; inf: the loop may ride through."""
     kind, target, frame_map = fault.kind, fault.target, frame_map_of(rig)
     unseen = (kind == "biased" and not frame_map.drive.placed) or (kind == "stuck" and frame_map.drive.shaken)
-    if kind in _RIDDEN or (kind, target) == ("delay", "localisation") or (target == "feedback" and unseen):
+    own_s, weak = KINDS[kind].safe_s, abs(fault.amount) < KINDS[kind].value
+    if weak or (kind, target) == ("delay", "localisation") or (target == "feedback" and unseen):
         return math.inf
-    if abs(fault.amount) < KINDS[kind].value:
-        return math.inf
-    if kind in _OWN_S:
-        return _OWN_S[kind]
+    if not math.isnan(own_s):
+        return own_s
     if kind in ("killed", "frozen") or (
         (kind in ("drop", "delay", "corrupt", "retyped") or KINDS[kind].needs == KEY) and target in ("commands", "all")
     ):
@@ -76,7 +65,7 @@ def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
 
 def hold_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
     """Longest time in s from an operator's fault until the reference stands still; inf where it may go on."""
-    if fault.kind in _RIDDEN or abs(fault.amount) < KINDS[fault.kind].value:
+    if math.isinf(KINDS[fault.kind].safe_s) or abs(fault.amount) < KINDS[fault.kind].value:
         return math.inf
     life_s = 1e-3 * jog.life_ms
     if fault.kind == "held_back":

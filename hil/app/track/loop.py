@@ -42,7 +42,7 @@ class LoopTrace:
         self.disturbance_N, self.solve_s, self.estimate_s = (np.full(ticks, np.nan) for _ in range(3))
         self.lost = np.zeros(ticks, dtype=bool)
         self.status, self.active, self.events = list[str](), list[str](), list[Event]()
-        self.rows, self.measured = np.zeros((0, 9)), np.zeros((0, 2))
+        self.rows = np.zeros((0, 9))
         self.counts, self.health, self.switched = Counts(), Health(), list[tuple[float, str]]()
         self.taken_at, self.wall_clock_s = math.nan, 0.0
         self.truth: Truth | None = None
@@ -97,16 +97,13 @@ def _lifted(scenario: TrackScenario, model: ControlModel) -> Truth:
 
 
 class _Plant:
-    """The plant as the world of a loop; `places` are times and values of the localisation."""
+    """The plant as the world of a loop."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.places: list[tuple[float, float]] = []
 
     def advance(self, command: float, until_s: float) -> list[Measurement]:
-        readings = self.session.advance(command, until_s)
-        self.places += [(r.stamp_s, r.value) for r in readings if r.channel == "position_m"]
-        return [Measurement(r.channel, r.value, r.stamp_s) for r in readings]
+        return [Measurement(r.channel, r.value, r.stamp_s) for r in self.session.advance(command, until_s)]
 
 
 def run_loop(
@@ -136,6 +133,5 @@ def run_loop(
             report(controller, k / ticks)
     trace.wall_clock_s = time.perf_counter() - began
     trace.finish(plant.session, loop.supervisor, loop.estimator)
-    trace.measured, trace.truth = np.array(plant.places).reshape(-1, 2), truth
-    trace.halted, trace.first = loop.supervisor.halted, loop.supervisor.first
+    trace.truth, trace.halted, trace.first = truth, loop.supervisor.halted, loop.supervisor.first
     return trace

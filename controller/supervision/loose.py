@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 _TICKS: Final = 512  # ticks without a reading that are kept
-_MOST: Final = 0.8  # share of the speed limit that a capsule may reach unseen
+_MOST: Final = 0.5  # share of the speed limit that a capsule may reach unseen: at more a run ends
 _SHARE: Final = 0.8  # share of the model's friction that holds a sliding capsule back
 
 
@@ -49,9 +49,10 @@ class Loose:
 
     def sent(self, until_s: float, command: float, dt: float) -> None:
         """`command` is in force for `dt` s until `until_s`."""
-        self._tick_s = dt
-        self._commands.append((until_s, command, dt))
-        self._go_on(command, dt, (0.0, 0.0))
+        if self._resistance.gain_m_s2:
+            self._tick_s = dt
+            self._commands.append((until_s, command, dt))
+            self._go_on(command, dt, (0.0, 0.0))
 
     def saw(self, from_s: float, until_s: float, mean_m_s: float) -> None:
         """Readings of these stamps show a mean velocity, positive in the direction of positive commands."""

@@ -108,12 +108,13 @@ class Contradiction:
     def __init__(self, envelope: Envelope, noise_m: float, resistance: Resistance = FREE) -> None:
         """`noise_m`: the localisation's deviation."""
         self._envelope, self._noise_m = envelope, noise_m
-        self._friction, self.loose = resistance.friction, Loose(resistance)
+        self._friction = resistance.friction
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._hard_m = _PUSHES * full, _HARD * full
         self._moved_m = max(_MOVED_M, (_SHAKEN_STDS if envelope.shaken else _MEAN_STDS) * noise_m)
         self._against_most_m = min(_AGAINST[0], _AGAINST[1] * envelope.around_m)
         self._fastest_m_s = _SPEED * envelope.limits.speed_m_s + 4 * noise_m / _APART_S
+        self.loose = Loose(resistance, self._fastest_m_s)
         self.begin()
 
     def begin(self) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 _TICKS: Final = 512  # ticks without a reading that are kept
-_MOST: Final = 0.5  # share of the speed limit that a capsule may reach unseen: at more a run ends
+_MOST: Final = 0.8  # share of the speed limit that a capsule may reach unseen at most
 _SHARE: Final = 0.8  # share of the model's friction that holds a sliding capsule back
 
 
@@ -39,8 +39,9 @@ class Loose:
     raises or takes longer with time.
     """
 
-    def __init__(self, resistance: Resistance) -> None:
-        self._resistance = resistance
+    def __init__(self, resistance: Resistance, most_m_s: float = math.inf) -> None:
+        """`most_m_s`: the speed at which a run ends, to which no push may lead."""
+        self._resistance, self._most_m_s = resistance, min(most_m_s, _MOST * resistance.speed_m_s)
         self.begin()
 
     def begin(self) -> None:
@@ -78,4 +79,4 @@ class Loose:
 
     def _left(self, speed_m_s: float) -> float:
         """The push beyond resistance that takes the speed to the greatest in a tick, negative beyond it."""
-        return (_MOST * self._resistance.speed_m_s - speed_m_s) / (self._resistance.gain_m_s2 * self._tick_s)
+        return (self._most_m_s - speed_m_s) / (self._resistance.gain_m_s2 * self._tick_s)

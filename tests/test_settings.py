@@ -1,21 +1,21 @@
-"""Numbers that were chosen say what they are: at their constant, or in the record of settings of their room."""
+"""Numbers that were chosen say what they are: at their constant, or in the `settings.toml` of their room."""
 
 import ast
 import re
 from collections.abc import Iterator
-from dataclasses import fields
-from typing import Any
 
 import pytest
 
-from models.checks.settings import SET as CHECKS
-from models.identification.settings import SET as IDENTIFICATION
+from models.files.toml import beside
 from tests.places import ROOT
 
 ROOMS = ("controller", "models", "plant", "hil")
 MOST = 80
 """Constants without an explanation: those that a reader of the field knows."""
-RECORDS = {"models/checks": CHECKS, "models/identification": IDENTIFICATION}
+SETTINGS = {
+    room: beside(str(ROOT / room / "settings.py"), "settings.toml")
+    for room in ("models/checks", "models/identification")
+}
 
 
 def _is_number(node: ast.expr) -> bool:
@@ -63,14 +63,22 @@ def test_an_unexplained_constant_is_found() -> None:
     assert list(unexplained(source)) == ["A", "B", "D"]
 
 
-@pytest.mark.parametrize("room", RECORDS)
+@pytest.mark.parametrize("room", SETTINGS)
 def test_every_setting_is_explained_and_read(room: str) -> None:
-    record: Any = RECORDS[room]
     text = "".join(path.read_text("utf-8") for path in sorted((ROOT / "models").rglob("*.py")))
     read = set(re.findall(r"\b(?:SET|CHECKS)\.(\w+)", text))
-    for field in fields(record):
-        assert all(field.metadata[key] for key in ("unit", "meaning", "chosen_on")), field.name
-        assert field.name in read, field.name
+    for name, (_, *said) in SETTINGS[room].items():
+        assert len(said) in (2, 3), name
+        assert all(said), name
+        assert name in read, name
+
+
+def test_every_setting_that_is_read_is_stated() -> None:
+    for path in sorted((ROOT / "models").rglob("*.py")):
+        text = path.read_text("utf-8")
+        for room, name in re.findall(r"from models\.(\w+)\.settings import SET(?: as (\w+))?", text):
+            read = set(re.findall(rf"\b{name or 'SET'}\.(\w+)", text))
+            assert read <= SETTINGS[f"models/{room}"].keys(), path
 
 
 PLAIN = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
@@ -84,7 +92,7 @@ def _compared(source: str) -> Iterator[float]:
             yield from (v for v in values if isinstance(v, float) and v not in PLAIN and v >= 1e-6)
 
 
-@pytest.mark.parametrize("room", RECORDS)
+@pytest.mark.parametrize("room", SETTINGS)
 def test_no_threshold_hides_in_a_comparison(room: str) -> None:
     files = sorted((ROOT / room).rglob("*.py"))
     found = [f"{path.relative_to(ROOT)}: {v:g}" for path in files for v in _compared(path.read_text("utf-8"))]

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from controller.choice.trial import Mission, Outcome, tried
-from controller.choice.world import Possible
+from controller.choice.world import Possible, Push
 from controller.drives import envelope_of
+from controller.limits import Limits
 from controller.model.control_model import ControlModel
 from controller.step.compiled import compiled
 from models.words.quantities import quantity
@@ -48,19 +49,25 @@ class Candidate:
 
 @dataclass
 class Row:
-    """The outcomes of a candidate by world, of `count` worlds."""
+    """The outcomes of a candidate by world, and the `worlds` that count."""
 
     candidate: Candidate
-    count: int
+    worlds: Sequence[str]
     outcomes: dict[str, Outcome] = field(default_factory=dict)
 
     @property
     def worst(self) -> float:
-        return max((one.cost for one in self.outcomes.values()), default=0.0)
+        return max((one.cost for name, one in self.outcomes.items() if name in self.worlds), default=0.0)
 
     @property
-    def whole(self) -> bool:
-        return len(self.outcomes) == self.count and all(one.whole for one in self.outcomes.values())
+    def missing(self) -> list[str]:
+        """The worlds in which it was not tried to the end."""
+        return [name for name in self.worlds if name not in self.outcomes or not self.outcomes[name].whole]
+
+    @property
+    def kept(self) -> list[str]:
+        """The worlds in which it breaks no limit."""
+        return [name for name in self.worlds if self.outcomes[name].cost < math.inf]
 
     @property
     def expected(self) -> float:
@@ -94,21 +101,27 @@ class Comparison:
         self,
         mission: Mission,
         candidates: Sequence[Candidate],
-        worlds: Sequence[str],
-        world: Callable[[str, ControlModel], Possible],
+        worlds: Mapping[str, Push],
+        world: Callable[[str, ControlModel], ControlModel],
         report: Progress,
     ) -> None:
-        """`world` gives the model that is the world of that name, for a rig as the leading model has it."""
+        """`world` gives the model that is the world of that name, for a rig as the leading model has it; `worlds` what
+        each lacks.
+        """
         self._mission, self._piece, self._world, self._report = mission, mission.piece(), world, report
-        self._worlds = list(worlds)
-        self.rows = [Row(one, len(worlds)) for one in candidates]
+        self._pushes, self._worlds = worlds, list(worlds)
+        self.rows = [Row(one, self._worlds) for one in candidates]
         self.runs = 0
+        self.broken = 0
+        """Worlds in which each row breaks a limit, at least."""
         self.lost: dict[str, str] = {}
         """Stages that lose against a plain row, with the name of the first world in which they do."""
 
     def _try(self, pairs: Sequence[tuple[Row, str]], most_m: float = math.inf) -> None:
         """Fill in the outcomes of `pairs`, side by side. Each world has a seed of its own."""
-        made = [(row.candidate, name, self._world(name, row.candidate.model)) for row, name in pairs]
+        made = [
+            (row.candidate, name, (self._world(name, row.candidate.model), self._pushes[name])) for row, name in pairs
+        ]
         for candidate, _, (world, _) in made:  # once, before workers inherit them
             model, limits = candidate.model, self._mission.limits
             _ = model.sharp.kernels, model.kernels, world.sharp.kernels, world.sharp.measured
@@ -126,91 +139,109 @@ class Comparison:
         self._report(TEXT("progress", runs=self.runs), min(share, 1.0))
 
     def best(self) -> Row:
-        """The row that leads: the least worst of those that lose against no plain one; of all where only a model that
-        the records refute is left; the simplest where all break a limit.
+        """The row that leads. Where all break a limit somewhere, those that do in fewest worlds are compared in the
+        worlds in which they do not.
         """
         plain = [row for row in self.rows if row.candidate.plain]
         self._try([(row, self._worlds[0]) for row in plain])
         most_m = HOPELESS * min((row.worst for row in plain), default=math.inf)
         self._try([(row, self._worlds[0]) for row in self.rows if row not in plain], most_m)
-        left, losing = list(self.rows), list[Row]()
-        while left and (leading := self._least_worst(left, self._bearable_by_all() if losing else {})):
+        leading = self._least_of(self.rows)
+        if leading is None:
+            kept = max(len(row.kept) for row in self.rows)
+            self.broken, left = len(self._worlds) - kept, [row for row in self.rows if len(row.kept) == kept]
+            for row in left:
+                row.worlds = row.kept
+            leading = self._least_of(left)
+        assert leading is not None
+        return leading
+
+    def _least_of(self, rows: Sequence[Row]) -> Row | None:
+        """The least worst of the `rows` that lose against no plain one; of all where only a model that the records
+        refute is left; None where all break a limit.
+        """
+        left, plain, losing = list(rows), [row for row in rows if row.candidate.plain], list[Row]()
+        most = dict[str, float]()
+        while leading := self._least_worst(left, most):
             lost = "" if leading in plain else next(filter(None, (self._loses(leading, row) for row in plain)), "")
             if not lost:
                 return losing[0] if losing and leading.candidate.refuted else leading
             losing.append(leading)
             self.lost.setdefault(leading.candidate.stage, lost)
             left.remove(leading)
-        return min(self.rows, key=lambda row: row.candidate.rank)
+            known = [row for row in plain if not row.missing and row.worst < math.inf]
+            most = {name: min(_bearable(row, name) for row in known) for name in self._worlds}
+        return None
 
     def _least_worst(self, rows: Sequence[Row], most: Mapping[str, float]) -> Row | None:
         """The row of least worst error, of those equal within `TIE` the simplest; None where all break a limit. A row
         that is not plain has lost where its error in a world is above `most`: there it is tried first, and given up.
         """
-        least = min((row.worst for row in rows if row.whole and not self._behind(row, most)), default=math.inf)
+        least = min((row.worst for row in rows if not row.missing and not self._behind(row, most)), default=math.inf)
         for row in sorted(rows, key=lambda row: row.worst):
             own = {} if row.candidate.plain else most
-            while not row.whole and row.worst <= TIE * least and not self._behind(row, most):
-                tried = sorted(self._missing(row), key=lambda name: own.get(name, math.inf))[: cores()]
+            while row.missing and row.worst <= TIE * least and not self._behind(row, most):
+                tried = sorted(row.missing, key=lambda name: own.get(name, math.inf))[: cores()]
                 most_m = max(own.get(name, math.inf) for name in tried)
                 self._try([(row, name) for name in tried], min(TIE * least, most_m))
-            if row.whole and not self._behind(row, most):
+            if not row.missing and not self._behind(row, most):
                 least = min(least, row.worst)
-        equal = [row for row in rows if row.whole and row.worst <= TIE * least < math.inf]
+        equal = [row for row in rows if not row.missing and row.worst <= TIE * least < math.inf]
         return min((row for row in equal if not self._behind(row, most)), key=lambda r: r.candidate.rank, default=None)
-
-    def _missing(self, row: Row) -> list[str]:
-        """The worlds in which `row` was not tried to the end."""
-        return [name for name in self._worlds if name not in row.outcomes or not row.outcomes[name].whole]
 
     def _behind(self, row: Row, most: Mapping[str, float]) -> bool:
         """Whether a row that is not plain has an error above `most` in a world, which is noted."""
-        found = () if row.candidate.plain else row.outcomes.items()
-        lost = next((name for name, one in found if one.cost > most.get(name, math.inf)), "")
+        found = () if row.candidate.plain else row.worlds
+        lost = next((k for k in found if k in row.outcomes and row.outcomes[k].cost > most.get(k, math.inf)), "")
         if lost:
             self.lost.setdefault(row.candidate.stage, lost)
         return bool(lost)
 
-    def _bearable_by_all(self) -> dict[str, float]:
-        """The error in m by world above which a row loses against a plain one that was tried in all of them."""
-        known = [row for row in self.rows if row.candidate.plain and row.whole and row.worst < math.inf]
-        return {
-            name: min((row.outcomes[name].cost + (TIE - 1) * row.worst for row in known), default=math.inf)
-            for name in self._worlds
-        }
-
     def _loses(self, leading: Row, plain: Row) -> str:
-        """The first world in which the error of `leading` is above that of the `plain` row by more than the share `TIE`
-        of the worst that the plain one risks, or "". The plain row is tried no longer than until it is the worse one,
-        but everywhere before it counts: one that breaks a limit somewhere is no better choice.
+        """The first world in which `leading` loses against the `plain` row, or "". The plain row is tried no longer
+        than until it is the worse one, but everywhere before it counts: one that breaks a limit somewhere is no better
+        choice.
         """
-        for name in self._worlds:
-            known, most_m = plain.outcomes.get(name), self._bearable(leading, plain, name)
-            if known is None or not (known.whole or known.cost >= most_m):
-                self._try([(plain, name)], most_m)
-            if plain.outcomes[name].whole and plain.outcomes[name].cost < most_m:
-                self._try([(plain, other) for other in self._missing(plain)])
-                if plain.outcomes[name].cost < self._bearable(leading, plain, name):
+        for name in (name for name in leading.worlds if name in plain.worlds):
+            own, known = leading.outcomes[name].cost, plain.outcomes.get(name)
+            if known is None or not (known.whole or known.cost >= own):
+                self._try([(plain, name)], own)
+            if _bearable(plain, name) < own:
+                self._try([(plain, other) for other in plain.missing])
+                if _bearable(plain, name) < own:
                     return name
         return ""
 
-    def _bearable(self, leading: Row, plain: Row, name: str) -> float:
-        """The error of the `plain` row in m below which `leading` loses in a world."""
-        return leading.outcomes[name].cost - (TIE - 1) * plain.worst
+
+def _bearable(plain: Row, name: str) -> float:
+    """The error in m in a world above which a row loses against the `plain` one: by more than the share `TIE` of the
+    worst that the plain one risks.
+    """
+    return plain.outcomes[name].cost + (TIE - 1) * plain.worst
+
+
+def _most_N(model: ControlModel, limits: Limits) -> float:
+    """The greatest force on the capsule that drive or limits allow."""
+    drive, p = model.drive, model.theta.base
+    own = p.get("force_N") or abs(drive.force(0.0, 0.0, drive.gap_limit_m or limits.current_A, p))
+    return max(limits.force_N, float(own))
 
 
 def choose(
     mission: Mission,
     candidates: Sequence[Candidate],
-    worlds: Sequence[str],
-    world: Callable[[str, ControlModel], Possible],
+    worlds: Mapping[str, Push],
+    world: Callable[[str, ControlModel], ControlModel],
     report: Progress,
     barred: Mapping[str, str] | None = None,
 ) -> Chosen:
-    """The candidate that leads on `mission`, and why; `worlds` are the possible models, the likeliest first. `barred`
-    says why other stages are no candidates.
+    """The candidate that leads on `mission`, and why; `worlds` are the possible models, the likeliest first, with what
+    each lacks on the records: one that lacks more than drive and limits allow is none. `barred` says why other stages
+    are no candidates.
     """
-    compared = Comparison(mission, candidates, worlds, world, report)
+    most_N = _most_N(candidates[0].model, mission.limits)
+    able = {name: push for name, push in worlds.items() if push.force_N <= most_N}
+    compared = Comparison(mission, candidates, able or dict.fromkeys(worlds, Push()), world, report)
     leading = compared.best()
     stages = {row.candidate.stage: row for row in sorted(compared.rows, key=lambda row: -row.expected)}
     stages[leading.candidate.stage] = leading
@@ -219,13 +250,16 @@ def choose(
     others = [
         _other(stage, row, compared.lost.get(stage, "")) for stage in order if (row := stages[stage]) is not leading
     ]
-    costs = [one.cost for one in leading.outcomes.values()]
+    costs = [leading.outcomes[name].cost for name in leading.worlds] or [math.inf]
     spread = (
         " " + TEXT("range", low=quantity(min(costs), "m"), high=quantity(max(costs), "m")) if len(costs) > 1 else ""
     )
-    led, error = leading.candidate.words, quantity(leading.expected, "m")
-    why = TEXT("why", words=led, error=error, range=spread, others="".join(f", {one}" for one in others))
-    said = [why, *(TEXT("barred", stage=stage, why=reason) for stage, reason in (barred or {}).items())]
+    led, error = leading.candidate.words, quantity(sum(costs) / len(costs), "m")
+    said = [TEXT("why", words=led, error=error, range=spread, others="".join(f", {one}" for one in others))]
+    said += [TEXT("broken", n=compared.broken, of=len(leading.outcomes))] if compared.broken else []
+    said += [TEXT("barred", stage=stage, why=reason) for stage, reason in (barred or {}).items()]
+    lacks = {name: quantity(push.force_N, "N") for name, push in worlds.items() if name not in able}
+    said += [TEXT("no_world", world=name, force=force, most=quantity(most_N, "N")) for name, force in lacks.items()]
     return Chosen(leading.candidate.stage, leading.candidate.controller, expected, " ".join(said))
 
 

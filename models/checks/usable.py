@@ -120,7 +120,7 @@ def _over_pauses(view: View, record: Record) -> Record:
 
 def _settled_m(view: View) -> float:
     """The travel in m after which a wall, and behind a magnet the gap, are as in motion."""
-    return SET.wall_settled_m if view.kind.drawn else SET.settled_m
+    return float(SET.wall_settled_m if view.kind.drawn else SET.settled_m)
 
 
 def used(record: Record) -> Mask:
@@ -170,7 +170,7 @@ def run_in(view: View) -> int:
     if not (_starts_in_motion(view) or _starts_loaded(view)):
         return 0
     travelled = np.cumsum(np.abs(view.speed) * view.dt)
-    return min(int(np.searchsorted(travelled, _settled_m(view))), round(SET.start_share * len(travelled)))
+    return int(min(np.searchsorted(travelled, _settled_m(view)), round(SET.start_share * len(travelled))))
 
 
 def _first(view: View, seconds: float = SET.start_s) -> slice:
@@ -178,9 +178,7 @@ def _first(view: View, seconds: float = SET.start_s) -> slice:
 
 
 def _starts_in_motion(view: View) -> bool:
-    """Whether the record starts at half the usual speed or more; for a pull, whose driven position has no noise and
-    cannot accelerate, at any speed.
-    """
+    """Whether the record starts at half the usual speed or more; a pull, whose position has no noise, at any speed."""
     first, usual = _first(view), float(np.median(np.abs(view.speed[view.moves])))
     least = 0.0 if view.kind.drawn else 0.5 * usual
     return bool(view.moves[first].all()) and abs(float(np.mean(view.speed[first]))) >= least

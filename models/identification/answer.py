@@ -18,11 +18,9 @@ from models.identification.finding import (
     CandidateRow,
     Check,
     Column,
-    Dependence,
     Finding,
     Fitted,
     FoundEffect,
-    Proposal,
 )
 from models.identification.fitting.profile import profiles
 from models.identification.inner_spline import followed_inside
@@ -33,7 +31,6 @@ from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.parameter import Name
 from models.records.record import Record
-from models.theta import Theta
 from models.words.sentences import Sentences, sentence
 
 TEXT: Final = Sentences(__file__)
@@ -67,7 +64,10 @@ def answer(
     report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
     left = any(not check.ok and check.id.partition(".")[0] in _OF_RESIDUAL for check in judged.checks)
     ended = "cost" if found.ended == "chance" and left else found.ended
-    proposal = _proposal(prepared, found, train, seed, unexplained=verdict == "unknown")
+    unexplained, hidden, rng = verdict == "unknown", prepared.hidden, np.random.default_rng(seed)
+    shown = shown_with(prepared.rig, train, hidden) if hidden or unexplained else None
+    proposal = propose(kind, kind.searched(train), found, shown, rng, unexplained=unexplained)
+    dependence = dependence_of(kind, train, theta, seed) if drawn and unexplained else None
     wanted = (words_of(proposal), report.next_experiment(kind, theta, train, found.equivalent))
     return Finding(
         kind=kind.name,
@@ -102,7 +102,7 @@ def answer(
         cannot_show=prepared.cannot_show,
         reasons=_reasons(verdict, judged.checks, judged.findings),
         proposal=proposal,
-        dependence=_depends(kind, found, train, theta, seed) if drawn and verdict == "unknown" else None,
+        dependence=dependence and followed_inside(kind, found, train, dependence),
         declared=prepared.declared,
         leading=_leading(choice),
         disagreeing=disagreements(kind, found.augmented, found.model, train) if drawn else (),
@@ -122,12 +122,6 @@ def _beside(kind: AnyKind, predicted: Predicted, train: Sequence[Record]) -> dic
     return found
 
 
-def _depends(kind: AnyKind, found: Search, train: Sequence[Record], theta: Theta, seed: int) -> Dependence | None:
-    """What the residual depends on, with the term of a spline inside the simulation where one gains."""
-    dependence = dependence_of(kind, train, theta, seed)
-    return dependence and followed_inside(kind, found, train, dependence)
-
-
 def _leading(choice: Choice) -> tuple[str, ...]:
     """Which stages may lead a controller, and why others must not."""
     if not choice.possible:
@@ -135,15 +129,6 @@ def _leading(choice: Choice) -> tuple[str, ...]:
     able = [stage for stage in STAGES if stage not in choice.barred]
     barred = (TEXT("lead.barred", stage=stage, why=why) for stage, why in choice.barred.items())
     return (TEXT("lead.able", stages=able, n=len(able)), *barred)
-
-
-def _proposal(
-    prepared: Prepared, found: Search, train: Sequence[Record], seed: int, *, unexplained: bool
-) -> Proposal | None:
-    """The drive of the next record."""
-    kind, hidden, rng = prepared.kind, prepared.hidden, np.random.default_rng(seed)
-    shown = shown_with(prepared.rig, train, hidden) if hidden or unexplained else None
-    return propose(kind, kind.searched(train), found, shown, rng, unexplained=unexplained)
 
 
 def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:

@@ -75,7 +75,7 @@ def slower(records: Sequence[Record], most: float = SET.most_rows) -> list[Recor
 
     def step(record: Record) -> int:
         fast = math.floor(min(usual, 1 / (SET.usual_hz * _interval(record))))
-        return min(max(wanted, fast), longest_step(record))
+        return int(min(max(wanted, fast), longest_step(record)))
 
     return [_slower(r, step(r)) if wanted > 1 and r.layout.time else r for r in records]
 
@@ -91,7 +91,7 @@ def longest_step(record: Record) -> int:
     dt = _interval(record)
     driven = [name for names in record.layout.driven for name in names if name in record.columns]
     fastest = max((_fastest_Hz(record[name], dt) for name in driven), default=0.0)
-    return max(1, math.floor(1 / (dt * max(SET.least_hz, SET.a_period * fastest))))
+    return max(1, int(1 / (dt * max(SET.least_hz, SET.a_period * fastest))))
 
 
 def _fastest_Hz(values: np.ndarray, dt: float) -> float:

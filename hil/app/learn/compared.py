@@ -5,7 +5,7 @@ from typing import Final
 
 from controller.choice.choose import ORDER, PLAIN, Candidate, Chosen, choose
 from controller.choice.trial import Mission
-from controller.choice.world import Possible, Push
+from controller.choice.world import Push
 from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS
 from hil.app.scenario.chosen import NOMINAL
@@ -36,8 +36,6 @@ def compared(led: Led, rig: Rig, model: Model, stage: str) -> Chosen:
     leads = led.controller if led.controller in CONTROLLERS else ORDER[0]
     plain = [Candidate(NOMINAL, name, built[NOMINAL], (0, k)) for k, name in enumerate({leads: 0, PLAIN: 0})]
 
-    def world(name: str, _: ControlModel) -> Possible:
-        return built[name], Push(**model.unexplained.get(name, {}))
-
     candidates = [*plain, Candidate(stage, leads, built[stage], (1, 0))]
-    return choose(led.mission, candidates, [*built][1:], world, lambda *_: None)
+    pushes = {name: Push(**model.unexplained.get(name, {})) for name in [*built][1:]}
+    return choose(led.mission, candidates, pushes, lambda name, _: built[name], lambda *_: None)

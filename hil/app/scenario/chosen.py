@@ -10,7 +10,7 @@ from typing import Any, Final
 from controller.choice.choose import ORDER, PLAIN, Candidate, Chosen, Progress, choose
 from controller.choice.sight import unfit
 from controller.choice.trial import Mission
-from controller.choice.world import Localisation, Possible, Push
+from controller.choice.world import Localisation, Push
 from controller.drives import DRIVES
 from controller.model.control_model import ControlModel
 from controller.supervision.others import MOST
@@ -141,11 +141,10 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
             if name != PLAIN or stage == NOMINAL or len(names) == 1
         ]
     numbers = worlds_of(model)
-
-    def world(name: str, before: ControlModel) -> Possible:
-        return believed(numbers[name], before), Push(**model.unexplained.get(name, {}))
-
-    found = choose(mission, candidates, list(numbers), world, report, model.barred)
+    pushes = {name: Push(**model.unexplained.get(name, {})) for name in numbers}
+    found = choose(
+        mission, candidates, pushes, lambda name, before: believed(numbers[name], before), report, model.barred
+    )
     values = model.believed(found.stage)
     if math.isinf(found.expected[found.stage]):
         seeing(mission, believed(values), [found.controller])

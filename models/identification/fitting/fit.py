@@ -28,9 +28,7 @@ class FreeParameter:
         return self.parameter.key
 
     def on_side_of(self, start: Theta) -> "FreeParameter":
-        """The same on the side of zero where it is at `start`, and above its `least` size: below that the effect is
-        another one, as a wave of very long wavelength is a force in time.
-        """
+        """The same on the side of zero where it is at `start`, above its `least` size, below which it is another."""
         p = self.parameter
         if not p.least:
             return self
@@ -75,7 +73,7 @@ def axes(kind: Kind, effects: Sequence[str]) -> list[FreeParameter]:
 
 
 def _scale(p: Parameter) -> float:
-    return SET.scale * abs(p.value) if p.value else SET.scale_of_range * (p.upper - p.lower)
+    return float(SET.scale * abs(p.value) if p.value else SET.scale_of_range * (p.upper - p.lower))
 
 
 def evaluate(kind: Kind, records: Sequence[Record], theta: Theta, criterion: int) -> Array:

@@ -132,12 +132,12 @@ class GaussNewton:
 
     @property
     def _widest(self) -> Array:
-        return SET.secant_share * (self.upper - self.lower)
+        return np.asarray(SET.secant_share * (self.upper - self.lower))
 
     @property
     def _edge(self) -> Array:
         span = self.upper - self.lower
-        return SET.inside * np.where(np.isfinite(span), span, 1.0)
+        return np.asarray(SET.inside * np.where(np.isfinite(span), span, 1.0))
 
     def clip(self, x: Array) -> Array:
         """`x` a little inside the bounds."""

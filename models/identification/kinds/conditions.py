@@ -36,9 +36,7 @@ class Conditions:
 
 
 def may_be_left_out(record: Record, others: Sequence[Record]) -> bool:
-    """Whether `others` cover about the directions, the positions and the speeds of `record`: its one speed, or the
-    slowest and the fastest.
-    """
+    """Whether `others` cover about the directions, the positions and the speeds of `record`, or its one speed."""
     own, rest = Conditions.of(record), [Conditions.of(other) for other in others]
     directions = frozenset[float]().union(*(r.directions for r in rest))
     low, high = min(r.low for r in rest), max(r.high for r in rest)
@@ -49,4 +47,5 @@ def may_be_left_out(record: Record, others: Sequence[Record]) -> bool:
         return False
     if own.fast <= SET.one_speed * own.slow:
         return any(r.slow / SET.same <= own.fast and own.slow <= r.fast * SET.same for r in rest)
-    return min(r.slow for r in rest) <= SET.same**2 * own.slow and own.fast <= SET.same**2 * max(r.fast for r in rest)
+    slow, fast = min(r.slow for r in rest), max(r.fast for r in rest)
+    return bool(slow <= SET.same**2 * own.slow and own.fast <= SET.same**2 * fast)

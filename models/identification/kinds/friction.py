@@ -115,9 +115,7 @@ class FrictionKind(TableKind):
         return record.with_column(self.quantity, self.predict(record, theta) + noise)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """Up to eight random parts of whole conditions; the only condition at the slowest or fastest speed, or under
-        the lightest or heaviest load, is always fitted to.
-        """
+        """Up to eight random parts of conditions; the only one at an end of speed or load is always fitted to."""
         runs, index = distinct(np.concatenate([self.keys(r) for r in records]))
         alone = np.zeros(len(runs), dtype=bool)
         for size in np.abs(runs).T:
@@ -152,11 +150,12 @@ def _scatter(records: Sequence[Record], quantity: str) -> float:
             own = (np.sign(runs[:, 0]) == key[0]) & (runs[:, 1] == key[1])
             if np.sum(own) > 3:
                 off.append(_off_line(np.log(np.abs(runs[own, 0])), mean[own]))
+    found = SET.friction_scatter
     if freedom >= 3:
-        return max(float(np.sqrt(squares / freedom)), SET.friction_finest)
-    if off:
-        return max(float(1.4826 * np.median(np.abs(np.concatenate(off)))), SET.friction_finest)
-    return SET.friction_scatter
+        found = np.sqrt(squares / freedom)
+    elif off:
+        found = 1.4826 * np.median(np.abs(np.concatenate(off)))
+    return float(max(found, SET.friction_finest))
 
 
 def _off_line(x: Array, y: Array) -> Array:

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import pytest
 
 import controller.choice.choose as choose_module
 from controller.choice.choose import Candidate, Chosen, Comparison, choose
 from controller.choice.trial import Mission, Outcome
-from controller.choice.world import Possible, Push
+from controller.choice.world import Push
 from controller.limits import Limits
 from controller.model.control_model import ControlModel
 from controller.reference import through
@@ -35,20 +36,21 @@ def compared(errors: Errors, monkeypatch: pytest.MonkeyPatch, refuted: str = "")
             comparison.runs = next(tried) + 1
 
     monkeypatch.setattr(Comparison, "_try", outcome)
-    return Comparison(
-        MISSION, candidates, worlds, lambda name, before: (model, Push()), lambda words, share: None
-    ), candidates
+    pushes = dict.fromkeys(worlds, Push())
+    return Comparison(MISSION, candidates, pushes, lambda name, before: model, lambda words, share: None), candidates
 
 
-def chosen(errors: Errors, monkeypatch: pytest.MonkeyPatch) -> Chosen:
-    """What leads by these errors."""
+def chosen(
+    errors: Errors, monkeypatch: pytest.MonkeyPatch, pushes: Mapping[str, float] = MappingProxyType({})
+) -> Chosen:
+    """What leads by these errors, in worlds with `pushes` in N."""
     comparison, candidates = compared(errors, monkeypatch)
-    worlds = [f"world {k}" for k in range(len(next(iter(errors.values()))))]
-    found = choose(
-        MISSION, candidates, worlds, lambda name, before: (candidates[0].model, Push()), lambda words, share: None
-    )
-    leading = comparison.best().candidate
-    assert (found.stage, found.controller) == (leading.stage, leading.controller)
+    count = len(next(iter(errors.values())))
+    worlds = {name: Push(pushes.get(name, 0.0)) for name in (f"world {k}" for k in range(count))}
+    found = choose(MISSION, candidates, worlds, lambda name, before: candidates[0].model, lambda words, share: None)
+    if not pushes:
+        leading = comparison.best().candidate
+        assert (found.stage, found.controller) == (leading.stage, leading.controller)
     return found
 
 
@@ -94,11 +96,63 @@ def test_a_broken_limit_never_leads(monkeypatch: pytest.MonkeyPatch) -> None:
     assert chosen(errors, monkeypatch).stage == "nominal"
 
 
-def test_limits_broken_everywhere_leave_the_simplest(monkeypatch: pytest.MonkeyPatch) -> None:
-    errors = {("augmented", "mpc"): (math.inf, 0.1), ("nominal", "mpc"): (math.inf, math.inf)}
+INF = math.inf
+EACH_BREAKS = {
+    "all in all worlds, so the simplest": (
+        {("augmented", "mpc"): (INF, INF), ("nominal", "mpc"): (INF, INF)}, "nominal",
+    ),
+    "fewer worlds": (
+        {("nominal", "mpc"): (INF, INF, 0.1), ("augmented", "mpc"): (INF, 0.8, 0.9)}, "augmented",
+    ),
+    "another as few, and errs less in the others": (
+        {("nominal", "mpc"): (INF, 0.3, 0.4), ("augmented", "mpc"): (0.1, 0.2, INF)}, "augmented",
+    ),
+    "equal, so the simpler": (
+        {("nominal", "mpc"): (INF, 0.3, 0.4), ("augmented", "mpc"): (INF, 0.3, 0.39)}, "nominal",
+    ),
+    "it gains in one world and loses in another": (
+        {("nominal", "mpc"): (INF, 0.33, 0.2), ("augmented", "mpc"): (INF, 0.02, 0.25)}, "nominal",
+    ),
+    "fewest is the nominal one, which errs more": (
+        {("nominal", "mpc"): (INF, 0.9, 0.9), ("augmented", "mpc"): (INF, 0.1, INF)}, "nominal",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", EACH_BREAKS)
+def test_where_each_breaks_a_limit_the_one_with_fewest_such_worlds_leads(
+    case: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of equally many the least worst in its other worlds, by the same rule."""
+    errors, stage = EACH_BREAKS[case]
     found = chosen(errors, monkeypatch)
-    assert found.stage == "nominal"
-    assert found.document()["expected_rmse_m"]["nominal"] is None
+    assert found.stage == stage
+    assert found.document()["expected_rmse_m"][stage] is None
+    fewest, count = (2, 2) if case.startswith("all") else (1, 3)
+    assert f"Each breaks a limit in {fewest} or more of {count} possible worlds" in found.why
+
+
+def test_a_world_that_drive_and_limits_could_not_have_produced_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In it every candidate breaks a limit; without it the one that the other worlds prefer leads."""
+    errors = {
+        ("nominal", "mpc"): (0.4, INF, 0.2),
+        ("nominal", "pid"): (0.3, INF, 0.1),
+        ("augmented", "mpc"): (0.1, INF, 0.1),
+    }
+    found = chosen(errors, monkeypatch, {"world 1": 7.6, "world 2": 0.4})
+    assert found.stage == "augmented"
+    assert (
+        "world 1 is no possible world: it lacks 7.6 N rms on the records, and drive and limits allow 500 mN."
+        in found.why
+    )
+    assert "world 2 is no" not in found.why
+
+
+def test_where_every_world_lacks_more_than_can_be_they_count_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {("nominal", "mpc"): (0.4, 0.2), ("augmented", "mpc"): (0.1, 0.1)}
+    found = chosen(errors, monkeypatch, {"world 0": 7.6, "world 1": 2.0})
+    assert found.stage == "augmented"
+    assert found.why.count("is no possible world") == 2
 
 
 @pytest.mark.parametrize(("other", "stage"), [(0.25, "nominal"), (0.18, "augmented")])
@@ -159,13 +213,17 @@ def test_worlds_are_made_for_the_rig_of_the_leading_model() -> None:
     asked: list[tuple[str, ControlModel]] = []
     model = model_of()
 
-    def world(name: str, before: ControlModel) -> Possible:
+    def world(name: str, before: ControlModel) -> ControlModel:
         asked.append((name, before))
-        return model, Push()
+        return model
 
     short = Mission(through([0.5e-3], 1e-3, 0.0, 0.1), 1.0, Limits())
     found = choose(
-        short, [Candidate("nominal", "pid", model, (0, 0))], ["one", "other"], world, lambda words, share: None
+        short,
+        [Candidate("nominal", "pid", model, (0, 0))],
+        {"one": Push(), "other": Push()},
+        world,
+        lambda words, share: None,
     )
     assert {name for name, _ in asked} == {"one", "other"}
     assert 0 < found.expected["nominal"] < 0.5e-3

@@ -1,7 +1,6 @@
 """A search of many records: how many it fits, and that it misses nothing in those that it leaves out."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,7 +39,7 @@ def closed(records: Sequence[Record], monkeypatch: pytest.MonkeyPatch, most: int
         return search(kind, train, *rest)
 
     search = identify.search
-    monkeypatch.setattr(thinning, "SET", replace(SET, most_records=most))
+    monkeypatch.setattr(thinning, "SET", SET._replace(most_records=most))
     monkeypatch.setattr(identify, "search", counted)
     finding, _ = identify.close(RIG, records, [], lambda *_: None, drawn=False)
     return finding, searched

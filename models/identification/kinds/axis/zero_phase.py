@@ -32,7 +32,7 @@ class AxisMotion:
 
     @cached_property
     def even(self) -> bool:
-        return _unevenness(self.t) <= SET.even
+        return bool(_unevenness(self.t) <= SET.even)
 
 
 @cache

@@ -71,7 +71,7 @@ class Feed:
 def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
     """Longest step in s of a model; `rigid`: the motion is imposed; `fine` steps keep the order of slip events."""
     if drive.launched:
-        return SET.axis_step_s
+        return float(SET.axis_step_s)
     if drive.held:  # a body that its drive shakes to and fro
         return 5e-5 if fine else 1e-4
     if rigid:  # samples that are further apart miss when a wall slips

@@ -155,11 +155,11 @@ class SeriesKind(Kind):
     @property
     def memory(self) -> float:
         """The observer's time constant in s."""
-        return SET.held_s if self.drive.held else SET.memory_s if self.drive.anchored else SET.drifts_s
+        return float(SET.held_s if self.drive.held else SET.memory_s if self.drive.anchored else SET.drifts_s)
 
     @property
     def beginnings_s(self) -> tuple[float, ...]:
-        return SET.shaken_beginnings_s if self.drive.held else SET.beginnings_s
+        return tuple(SET.shaken_beginnings_s if self.drive.held else SET.beginnings_s)
 
     @property
     def _runs(self) -> Callable[..., Array]:
@@ -325,7 +325,7 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
     if not records or noise_std <= SET.noisy * fine:
         return 1
     rate = float(np.median([used(record).mean() / interval(record) for record in records]))
-    return max(1, round(min((noise_std / fine) ** 2, longest_s * rate)))
+    return int(max(1, round(min((noise_std / fine) ** 2, longest_s * rate))))
 
 
 def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:
@@ -338,7 +338,7 @@ def series_noise(records: Sequence[Record], column: str, stated: float | None) -
     vibrates = KINDS[measured[0].kind].vibrates
     estimated = float(np.median([estimated_noise(y, vibrates, stated) for y in values]))
     span, step = float(np.ptp(np.concatenate(values))), float(np.median([grid_step(y) for y in values]))
-    return max(noise_used(stated, estimated, span, step), SET.no_noise)
+    return float(max(noise_used(stated, estimated, span, step), SET.no_noise))
 
 
 def resolution(records: Sequence[Record], column: str) -> float:

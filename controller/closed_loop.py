@@ -9,12 +9,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from controller.drives import envelope_of, resistance_of
+from controller.drives import envelope_of
 from controller.limits import Limits
 from controller.model.control_model import ControlModel
 from controller.signals import Action, Estimate, Measurement, Reference
 from controller.step.compiled import supervisor_of
 from controller.supervision.contradiction import Contradiction
+from controller.supervision.loose import resistance_of
 from controller.supervision.model_switch import ModelSwitch, Offer
 
 

@@ -5,18 +5,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numpy as np
-
 from controller.limits import Envelope, Limits
-from controller.model.control_model import ControlModel, mean_friction
-from controller.supervision.loose import Resistance
 from controller.tuned import Correction, Expected, FilterNoise, PidGains
 from models.drives.drive import Drive
-from models.rigs.kinds import surface_of
 
 Numbers = Mapping[str, float]
-_SPEEDS: Final = 61  # of a resistance
-_SLOW_M_S: Final = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,13 +188,3 @@ class Actuator:
         if getattr(self._drive, "by_voltage", False):
             command = (command - self._p["back_emf_V_s_per_m"] * v) / self._p["coil_resistance_ohm"]
         return float(self._drive.force(x, v, command, self._p))
-
-
-def resistance_of(model: ControlModel, envelope: Envelope) -> Resistance:
-    """What holds back the capsule that a coil pushes, by its mean friction; without numbers for other drives."""
-    if envelope.placed or envelope.shaken:
-        return Resistance()
-    actuator, fastest = Actuator(model.drive, model.theta.base, envelope), envelope.limits.speed_m_s
-    frictions = [(v, mean_friction(model, max(v, _SLOW_M_S))) for v in np.linspace(0.0, fastest, _SPEEDS).tolist()]
-    commands = [max(abs(actuator.command(friction_N, 0.0, v)), 1e-9) for v, friction_N in frictions]
-    return Resistance(tuple(commands), fastest, frictions[0][1] / surface_of(model.rig).body_kg / commands[0])

@@ -5,8 +5,17 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
+from controller.drives import Actuator
+from controller.limits import Envelope
+from controller.model.control_model import ControlModel, mean_friction
+from models.rigs.kinds import surface_of
+
 _TICKS: Final = 512  # ticks without a reading that are kept
 _MOST: Final = 0.8  # share of the speed limit that a capsule may reach unseen at most
+_SPEEDS: Final = 61  # of a resistance
+_SLOW_M_S: Final = 1e-3  # the slowest of them
 _SHARE: Final = 0.8  # share of the model's friction that holds a sliding capsule back
 
 
@@ -30,6 +39,16 @@ class Resistance:
         place = speed_m_s / self.speed_m_s * (len(self.commands) - 1)
         k = min(int(place), len(self.commands) - 2)
         return self.commands[k] + (place - k) * (self.commands[k + 1] - self.commands[k])
+
+
+def resistance_of(model: ControlModel, envelope: Envelope) -> Resistance:
+    """What holds back the capsule that a coil pushes, by its mean friction; without numbers for other drives."""
+    if envelope.placed or envelope.shaken:
+        return Resistance()
+    actuator, fastest = Actuator(model.drive, model.theta.base, envelope), envelope.limits.speed_m_s
+    frictions = [(v, mean_friction(model, max(v, _SLOW_M_S))) for v in np.linspace(0.0, fastest, _SPEEDS).tolist()]
+    commands = [max(abs(actuator.command(friction_N, 0.0, v)), 1e-9) for v, friction_N in frictions]
+    return Resistance(tuple(commands), fastest, frictions[0][1] / surface_of(model.rig).body_kg / commands[0])
 
 
 class Loose:

@@ -10,11 +10,12 @@ import can
 import numpy as np
 
 from controller.closed_loop import Tick
-from controller.drives import envelope_of, resistance_of
+from controller.drives import envelope_of
 from controller.limits import Envelope
 from controller.reference import Excursion, Experiment
 from controller.signals import Action, Array, Estimate, Measurement, Reference
 from controller.supervision.contradiction import CONTRADICT
+from controller.supervision.loose import resistance_of
 from controller.supervision.probe import Probe
 from hil.nodes import frame_map as wire
 from hil.nodes import view

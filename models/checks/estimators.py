@@ -67,9 +67,7 @@ def spectral_noise(x: Array) -> tuple[float, bool]:
 
 
 def grid_step(x: Array) -> float:
-    """Step of the grid on which the values of `x` lie; 0 where they lie on none that is identifiable. Found once for as
-    long as an array lives, which never changes.
-    """
+    """Step of the grid on which the values of `x` lie; 0 for none that is identifiable. Found once for an array."""
     if id(x) not in _STEPS:
         _STEPS[id(x)] = _grid_step(x)
         weakref.finalize(x, _STEPS.pop, id(x), None)

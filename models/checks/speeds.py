@@ -100,9 +100,7 @@ def check_repeated(view: View) -> Findings:
 
 
 def motion_rows(view: View, seconds: float = SET.motion_windows_s[0]) -> Array:
-    """Acceleration, direction, speed, 1, place and, of an axis that turns, its sine and cosine, shape (n, 5 or 7), of
-    means over so many s on either side.
-    """
+    """Acceleration, direction, speed, 1, place, for turns its sine and cosine, (n, 5 or 7), means over so many s."""
     x, n = view.record[view.moving_column], max(1, round(seconds / view.dt))
     v = np.gradient(running_mean(x, n)) / view.dt
     a = np.gradient(running_mean(v, n)) / view.dt

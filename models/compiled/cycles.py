@@ -54,9 +54,7 @@ def _run(code: int, work: Array, runs: Array, steps: int, watched: Array, n: int
 
 @dataclass(frozen=True)
 class Cycles:
-    """`assembly` from rest, `LANES` runs side by side. Once a period leaves speed, drive and effects as it found them,
-    the remaining ones are not stepped through.
-    """
+    """`assembly` from rest, `LANES` runs side by side; periods that repeat the one before are not stepped through."""
 
     assembly: Assembly
 

@@ -88,9 +88,7 @@ class CarriageBacklash(Effect):
 
 
 class StringCompliance(Effect):
-    """The rig pulls through `models.drives.elastic_link.Link`, force `sinh(b e)/(b c) + d e'` at the stretch e; the
-    capsule is a free mass behind it.
-    """
+    """The rig pulls the capsule, a free mass, through a `Link`: force `sinh(b e)/(b c) + d e'` at the stretch e."""
 
     id = "string_compliance"
     source = "tracing catalogue 29"

@@ -74,9 +74,7 @@ class DirectionalAsymmetry(Effect):
 
 
 class FoldPeriodic(Effect):
-    """Scale `1 + a (sin q + b_2 sin 2q + c_2 cos 2q + b_3 sin 3q + c_3 cos 3q)`, `q = 2 pi x/L + phi`: the same in both
-    directions.
-    """
+    """Scale `1 + a (sin q + b_2 sin 2q + c_2 cos 2q + b_3 sin 3q + c_3 cos 3q)`, `q = 2 pi x/L + phi`, both ways."""
 
     id = "fold_periodic"
     source = "folds up to 8 mm deep (Gray)"
@@ -327,9 +325,7 @@ class HertzianContact(Effect):
 
 
 class AdhesiveContact(Effect):
-    """A constant load N_0 beside the applied one, `F = mu (N + N_0)`: a coefficient that is referred to the applied
-    load falls as that load grows.
-    """
+    """`F = mu (N + N_0)`: the coefficient that is referred to the applied load N falls as that load grows."""
 
     id = "adhesive_contact"
     source = "Derjaguin 1934: friction of adhering surfaces, mu (N + N_0)"

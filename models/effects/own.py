@@ -16,9 +16,7 @@ GROUP: Final = "capsule.effects"
 
 @dataclass(frozen=True)
 class Origin:
-    """An effect and where it came from: a file's name (or a package's), the SHA-256 of what it holds, and the file's
-    path, by which another process reads it again.
-    """
+    """An effect and its origin: name of file or package, SHA-256 of its content, the path by which to read it again."""
 
     effect: type[Effect]
     file: str

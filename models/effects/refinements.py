@@ -47,9 +47,7 @@ def _less(level: Value, share: Value) -> Value:
 
 
 class LevelAtCreep(Effect):
-    """Scale `1 + (e + o sgn(v)) exp(-|v|/v_c)`, at rest with the last direction: the scale in motion comes with the
-    speed.
-    """
+    """Scale `1 + (e + o sgn(v)) exp(-|v|/v_c)`, at rest with the last direction: in motion it comes with the speed."""
 
     id = "level_at_creep"
     source = "no law: friction of a body that creeps or rests need not be what it was in the last motion"

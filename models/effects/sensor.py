@@ -43,9 +43,7 @@ _WARMING = "an amplifier warms up within a minute, then drifts on"
 
 
 class SensorDrift(Effect):
-    """Reading `y_0 + c (t + k t_w (1 - exp(-t/t_w)))`: a rate c, at first `1 + k` times as much while the sensor warms
-    up.
-    """
+    """Reading `y_0 + c (t + k t_w (1 - exp(-t/t_w)))`: a rate c, at first `1 + k` times as much, as it warms up."""
 
     id = "sensor_drift"
     source = "tracing catalogue 24"

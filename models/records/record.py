@@ -40,7 +40,8 @@ LARGEST_SAMPLE = 1e12  # that the checks of records can read
 class Record:
     """One record in memory: samples by column, all of one length; `notes` on the reading, such as resampling, and what
     it `left_out`; the `source` file, and the line of each row in one of text; `treated`: what cleaning did to it, None
-    before it was cleaned. Its columns never change.
+    before it was cleaned. A part knows the `whole` that it is of, and the `first` of its rows there. Its columns never
+    change.
     """
 
     name: str
@@ -51,6 +52,8 @@ class Record:
     notes: tuple[str, ...] = ()
     treated: tuple[str, ...] | None = None
     left_out: tuple[LeftOut, ...] = ()
+    whole: Record | None = field(default=None, repr=False)
+    first: int = 0
 
     @property
     def said(self) -> tuple[str, ...]:
@@ -91,6 +94,10 @@ class Record:
         """The same record with only the rows of `index`."""
         columns = {key: column[index] for key, column in self.columns.items()}
         return replace(self, columns=columns, lines=None if self.lines is None else self.lines[index])
+
+    def part(self, first: int, last: int) -> Record:
+        """The rows from `first` up to `last`, which know their whole."""
+        return replace(self.rows(slice(first, last)), whole=self.whole or self, first=self.first + first)
 
     def beginning(self, length: float) -> Record:
         """The same record's first `length` s."""
@@ -385,9 +392,7 @@ def _refuse_wrong(
     lenient: bool,
     row_name: str,
 ) -> None:
-    """Refuse stamps that do not rise, values out of range (where `lenient` only those too large for the checks), and
-    valleys above their peaks.
-    """
+    """Refuse falling stamps, values out of range (`lenient`: too large for the checks), and valleys above peaks."""
 
     def refuse(wrong: NDArray[np.bool_], rule: str, *values: Array) -> None:
         if wrong.any():

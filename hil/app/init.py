@@ -89,8 +89,8 @@ def commented(kind: RigKind, values: Tables, columns: Sequence[str]) -> str:
     for name, table in kind.tables.items():
         lines += ["", f"[{name}]", *(_line(key, table, values.get(name, {})) for key in table.of(columns))]
     measured, further = kind.columns(columns).measured, [FURTHER[name].key("std") for name in kind.layout.beside]
-    stems = {key: key.partition("_std_")[0] for key in Noise.model_fields}
-    stated = [key for key, stem in stems.items() if key in further or any(stem in column for column in measured)]
+    stems = ((key, key.partition("_std_")[0]) for key in Noise.model_fields)
+    stated = [key for key, stem in stems if key in further or any(stem in column for column in measured)]
     lines += ["", "[noise]", *(_line(key, Noise, values.get("noise", {})) for key in stated)]
     within = {} if kind.instead is None else {f"rig.{kind.instead.name}": kind.instead.table}
     for name, table in {**within, **kind.further}.items():

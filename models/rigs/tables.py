@@ -46,9 +46,7 @@ class Noise(Table):
     acceleration_std_m_s2: Annotated[float, Field(ge=1e-6, le=1e4)] | None = key(
         "standard deviation of an accelerometer on the capsule; left out: estimated", None
     )
-    drive_force_std_N: Annotated[float, Field(ge=1e-9, le=100)] | None = key(
-        "standard deviation of a load cell between drive and capsule; left out: estimated", None
-    )
+    drive_force_std_N: Positive | None = key("the same of a load cell between drive and capsule", None)
     velocity_std_m_s: Annotated[float, Field(ge=1e-9, le=10)] | None = key(
         "standard deviation of a mean speed between set-ups, which repeats do not show; left out: 0.002", None
     )

@@ -121,9 +121,7 @@ class Accelerometer:
 
 @dataclass(frozen=True)
 class LoadCell:
-    """A load cell between a magnet or a coil and its capsule; table `[load_cell]`. The drive's force through its
-    low-pass, with white noise `std_N` and the zero `bias_N`.
-    """
+    """A load cell between a magnet or a coil and its capsule; table `[load_cell]`. Its zero is `bias_N`."""
 
     column: ClassVar[str] = "drive_force_N"
     rate_Hz: float = 500.0
@@ -133,7 +131,6 @@ class LoadCell:
     lowpass_s: float = 2e-3
 
     def read(self, rows: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Its stamps in s and its readings of the plant's `rows`."""
         seen = Sensor(self.rate_Hz, self.std_N, 0.0, self.delay_s, self.lowpass_s)
         return seen.measure(rows[:, at.O_T], rows[:, at.O_FORCE] + self.bias_N, rng)
 

@@ -55,11 +55,13 @@ def low_passed(signal: Array, dt: float) -> Array:
 
 @lru_cache(maxsize=KEPT)
 def _rows(record: Record, column: str, place: str, away: float) -> NDArray[np.int64]:
-    """The rows whose residuals in `column` count; of a further one, once the `place` is so far `away` from its first."""
+    """The rows whose residuals in `column` count: of a further one, once the `place` is so far `away` from its start.
+    While a body rests where a noisy place has it, a magnet's force is off by that noise.
+    """
     if column not in FURTHER:
         return np.flatnonzero(counted(record))
     rows = np.flatnonzero(np.isfinite(record[column]) & (record.columns.get(RUN_IN, 0.0) == 0))
-    x = record.columns.get(place, rows)
+    x = record.columns.get(place, np.zeros(1))
     return rows[rows >= np.argmax(np.abs(x - x[0]) > away)] if away else rows
 
 
@@ -142,9 +144,7 @@ class SeriesKind(Kind):
         return self.beside.get(column, self.noise_std)
 
     def _rows(self, record: Record, column: str) -> NDArray[np.int64]:
-        """The rows that count: while a body rests where a noisy place has it, a magnet's force is off by that noise."""
-        away = SET.left_start * self.noise_std if self.drive.anchored else 0.0
-        return _rows(record, column, self.drive.measured, away)
+        return _rows(record, column, self.drive.measured, SET.left_start * self.noise_std * self.drive.anchored)
 
     @property
     def unit(self) -> str:

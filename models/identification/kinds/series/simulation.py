@@ -120,8 +120,7 @@ class Runner:
                     for lane, theta in enumerate(at):
                         own[:, lane] = lagging(own[:, lane], theta.get(column.key("lowpass_s"), 0.0) / fed.dt)
                     y = fed.samples(own)
-                    if column.rate:
-                        y = np.diff(y, axis=0, prepend=y[:1]) / (fed.every * fed.dt)
+                    y = np.diff(y, axis=0, prepend=y[:1]) / (fed.every * fed.dt) if column.rate else y
                     late = np.array([theta.get(column.key("clock_s"), 0.0) for theta in at])
                     sampled(y, clock, record["t_s"], late, same, rows, output)
         return outputs

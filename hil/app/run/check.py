@@ -55,8 +55,17 @@ def check(deployment: Deployment, task: Task, bus: ClockedBus) -> list[Point]:
     """All points. Nothing is sent, so a sensor that samples at SYNC is heard only while something else sends SYNC."""
     verdict, limits = deployment.verdict, limits_point(deployment.limits, deployment.rig.kind)
     model = Point("model", verdict is None or verdict.passed, verdict.sentence if verdict else TEXT("check.nominal"))
-    ours = (limits, model, _time(deployment, task), _machine(deployment, bus))
-    return [*_listen(deployment, bus), *_authentication(bus), *ours]
+    heard = _listen(deployment, bus)
+    if isinstance(bus.inner, AuthenticatedBus):
+        refused = bus.inner.refused
+        counts = [f"{count} {reason}" for reason, count in sorted(refused.items())]
+        heard.append(Point("authentication", not refused, TEXT("check.authentication", counts=counts or ["none"])))
+    # what interface and machine lack: another bit rate than the file's is bad, the rest is advice
+    table, link = deployment.bus, machine.link_of(deployment.bus)
+    faults, timely = machine.link_faults(link, table), _time(deployment, task)
+    advice = (*machine.link_advice(link, table), machine.priority_words(deployment.control))
+    said = filter(None, (*faults, *advice, machine.stamp_words(table, bus)))
+    return [*heard, limits, model, timely, Point("machine", not faults, "; ".join(said))]
 
 
 def _listen(deployment: Deployment, bus: ClockedBus) -> list[Point]:
@@ -94,14 +103,6 @@ def limits_point(limits: Limits, kind: str) -> Point:
     return Point("limits", True, TEXT("check.limits", frame=frame.name))
 
 
-def _authentication(bus: ClockedBus) -> list[Point]:
-    if not isinstance(bus.inner, AuthenticatedBus):
-        return []
-    refused = bus.inner.refused
-    counts = [f"{count} {reason}" for reason, count in sorted(refused.items())]
-    return [Point("authentication", not refused, TEXT("check.authentication", counts=counts or ["none"]))]
-
-
 def _time(deployment: Deployment, task: Task) -> Point:
     """Whether 99 of 100 ticks are done before the next one, at the priority of a run, which then keeps its grid."""
     with machine.as_a_run(deployment.control.priority, deployment.control.core):
@@ -115,14 +116,6 @@ def _time(deployment: Deployment, task: Task) -> Point:
     if p99 > SHARE * tick_s:
         said += TEXT("check.tick", tick=1e3 * shortest) if math.isfinite(shortest) else TEXT("check.no_tick")
     return Point("time", good, said)
-
-
-def _machine(deployment: Deployment, bus: ClockedBus) -> Point:
-    """What the interface and the machine lack; another bit rate than the file's is bad, the rest is advice."""
-    table, link = deployment.bus, machine.link_of(deployment.bus)
-    faults, priority = machine.link_faults(link, table), machine.priority_words(deployment.control)
-    said = [*faults, *machine.link_advice(link, table), priority, machine.stamp_words(table, bus)]
-    return Point("machine", not faults, "; ".join(filter(None, said)))
 
 
 def rehearse(task: Task, ticks: int = REHEARSED) -> Histogram:

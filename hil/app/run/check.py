@@ -24,7 +24,6 @@ from hil.bus.protection import Sender
 from hil.bus.wrapping import heard_for, plain
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.makers import MAKERS
-from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, controllers_frames, frame_map_of, heartbeat
 from hil.nodes.node import ControllerNode
 from hil.nodes.receive import FrameReceiver, operators_stop, remedy
@@ -165,11 +164,20 @@ QUIET_S: Final = 0.1  # How long to listen before anything is sent: five cycles 
 
 
 def drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: bool) -> can.BusABC:
-    """The deployment's bus; another maker's drive is set up, unless nothing may be sent. Raises ValueError."""
+    """The deployment's bus; another maker's drive is set up, unless nothing may be sent. Raises ValueError, and an
+    OtherControllerError where another controller is heard.
+    """
     bus, table = open_bus(deployment.bus, folder), deployment.drive
-    if not listen_only and (others := _controllers_on(bus, table)):
-        bus.shutdown()
-        raise OtherControllerError(TEXT("end.other_controller", frames=", ".join(others)))
+    if not listen_only:
+        known, heard = controllers_frames(), set[str]()
+        for message in heard_for(bus, QUIET_S):
+            if plain(message) and message.arbitration_id in known and not operators_stop(message):
+                heard.add(known[message.arbitration_id])
+            elif table is not None and table.orders(message):
+                heard.add("commands to the drive")
+        if heard:
+            bus.shutdown()
+            raise OtherControllerError(TEXT("end.other_controller", frames=", ".join(sorted(heard))))
     if table is None:
         return bus
     if not listen_only:
@@ -185,17 +193,6 @@ def drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: 
 
 class OtherControllerError(Exception):
     """Another controller has been heard before anything was sent."""
-
-
-def _controllers_on(bus: can.BusABC, table: ActuatorTable | None) -> list[str]:
-    """Names of the frames heard within `QUIET_S` that only a controller sends."""
-    known, heard = controllers_frames(), set[str]()
-    for message in heard_for(bus, QUIET_S):
-        if plain(message) and message.arbitration_id in known and not operators_stop(message):
-            heard.add(known[message.arbitration_id])
-        elif table is not None and table.orders(message):
-            heard.add("commands to the drive")
-    return sorted(heard)
 
 
 def overruns(bus: can.BusABC) -> int:

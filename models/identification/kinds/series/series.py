@@ -335,8 +335,7 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
 def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:
     """Standard deviation of the noise of `column`: as stated, unless the records are noisier; never 0."""
     measured = [record for record in records if column in record.columns]
-    own = column in FURTHER  # which has gaps of its own
-    values = [r[column][np.isfinite(r[column]) if own else used(r)] for r in measured]
+    values = [r[column][np.isfinite(r[column]) if column in FURTHER else used(r)] for r in measured]
     if not values:
         return stated or SET.no_noise
     vibrates = KINDS[measured[0].kind].vibrates

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil.report.closed_loop import report_html
-from models.identification import close
+from models.identification import Model, close
 from models.identification.finding import Finding
 from models.identification.kinds import kind_for
 from models.identification.settings import SET
@@ -78,6 +78,16 @@ def test_a_magnet_pulls_by_its_gap_and_the_zero_of_the_cell_does_not_count() -> 
     moved = record.with_column(DRIVE_FORCE, record[DRIVE_FORCE] + 0.3)
     assert cell.residual(moved, nominal) == pytest.approx(cell.residual(record, nominal), abs=1e-6)
     assert cell.unit == "N"
+
+
+def test_a_model_found_with_the_column_serves_records_without_it() -> None:
+    rig, (record,), _ = series(4.0, 1, MAGNET, hidden={})
+    nominal = kind_for(rig, [record]).nominal()
+    model = Model("magnetic", {stage: nominal for stage in ("nominal", "calibrated", "augmented")}, "none", {})
+    bare = record.without([DRIVE_FORCE])
+    for one, columns in ((record, {"t_s", "position_m", DRIVE_FORCE}), (bare, {"t_s", "position_m"})):
+        model.check(rig, one)
+        assert set(model.predict(rig, one)) == columns
 
 
 def test_one_that_cannot_be_used_is_left_out_with_a_note() -> None:

@@ -83,7 +83,7 @@ def test_a_magnet_pulls_by_its_gap_and_the_zero_of_the_cell_does_not_count() -> 
 def test_a_model_found_with_the_column_serves_records_without_it() -> None:
     rig, (record,), _ = series(4.0, 1, MAGNET, hidden={})
     nominal = kind_for(rig, [record]).nominal()
-    model = Model("magnetic", {stage: nominal for stage in ("nominal", "calibrated", "augmented")}, "none", {})
+    model = Model("magnetic", dict.fromkeys(("nominal", "calibrated", "augmented"), nominal), "none", {})
     bare = record.without([DRIVE_FORCE])
     for one, columns in ((record, {"t_s", "position_m", DRIVE_FORCE}), (bare, {"t_s", "position_m"})):
         model.check(rig, one)

@@ -17,6 +17,7 @@ from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
 from models.effects import Catalogue, effect_words
+from models.identification.answer import without_size
 from models.identification.identify import narrowed
 from models.identification.kinds import kind_for, ready
 from models.identification.record_checks import check_records
@@ -52,7 +53,8 @@ def _checked(records: Sequence[Path], rig: Path, out: Path | None, json_output: 
         findings = (*_refused(belief, read), *findings)
     stops = stopping(findings) is not None
     hidden = {} if stops else cannot_show(belief, read, catalogue.acting_on(belief.kind))
-    sizes = {} if stops else _smallest(catalogue.given_to(belief), read)
+    sizes, invisible = ({}, {}) if stops else _smallest(catalogue.given_to(belief), read)
+    hidden |= invisible
     document = {
         "findings": [finding.to_dict() for finding in findings],
         "cannot_show": hidden,
@@ -108,13 +110,15 @@ def _refused(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     return ()
 
 
-def _smallest(rig: Rig, records: Sequence[Record]) -> dict[str, Quantity]:
-    """What the records would show at least; nothing where they cannot be fitted at all."""
+def _smallest(rig: Rig, records: Sequence[Record]) -> tuple[dict[str, Quantity], dict[str, str]]:
+    """What the records would show at least, and why not the rest; nothing where they cannot be fitted at all."""
     try:
         train = [ready(record, rig) for record in records]
-        return smallest(narrowed(kind_for(rig, train), rig, train)[0], train)
+        kind, _ = narrowed(kind_for(rig, train), rig, train)
+        sizes = smallest(kind, train)
+        return sizes, without_size(kind, sizes)
     except ValueError:
-        return {}
+        return {}, {}
 
 
 def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, str]) -> None:

@@ -1,6 +1,7 @@
 """The finding that a report shows, of a search that is judged: what was found, what was said of it, what comes next."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -9,6 +10,7 @@ import numpy as np
 from models.checks.excitation import shown_with
 from models.checks.finding import RecordFinding
 from models.effects import effect_words
+from models.effects.effect import Effect
 from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
 from models.identification.disagreement import disagreements
@@ -28,6 +30,7 @@ from models.identification.fitting.profile import profiles
 from models.identification.inner_spline import followed_inside
 from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.residual_dependence import dependence_of
+from models.identification.search.screening import beginnings, least_sizes, unshown
 from models.identification.search.search import Search
 from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
@@ -67,7 +70,9 @@ def answer(
     report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
     left = any(not check.ok and check.id.partition(".")[0] in _OF_RESIDUAL for check in judged.checks)
     ended = "cost" if found.ended == "chance" and left else found.ended
-    proposal = _proposal(prepared, found, train, seed, unexplained=verdict == "unknown")
+    base, chance = kind.nominal() | found.calibrated.theta, (found.threshold, found.null_cost)
+    sizes = least_sizes(kind, beginnings(kind, kind.searched(train)), base, *chance) if drawn else {}
+    proposal = _proposal(prepared, found, train, seed, verdict, sizes)
     wanted = (words_of(proposal), report.next_experiment(kind, theta, train, found.equivalent))
     return Finding(
         kind=kind.name,
@@ -85,7 +90,7 @@ def answer(
         noise_floor=judged.floor,
         checks=judged.checks,
         candidates=tuple(_rows(found, words)),
-        smallest_detectable=found.detectable,
+        smallest_detectable=sizes,
         next_experiment=_next(judged.findings, verdict, wanted),
         statements=(
             *([left_out] if left_out else []),
@@ -99,7 +104,7 @@ def answer(
         seconds=float("nan"),
         timings=found.timings,
         findings=judged.findings,
-        cannot_show=prepared.cannot_show,
+        cannot_show={**prepared.cannot_show, **without_size(kind, sizes)},
         reasons=_reasons(verdict, judged.checks, judged.findings),
         proposal=proposal,
         dependence=_depends(kind, found, train, theta, seed) if drawn and verdict == "unknown" else None,
@@ -137,13 +142,34 @@ def _leading(choice: Choice) -> tuple[str, ...]:
     return (TEXT("lead.able", stages=able, n=len(able)), *barred)
 
 
+def without_size(kind: AnyKind, sizes: Mapping[str, object]) -> dict[str, str]:
+    """Why records cannot show an effect that has none of the `sizes` that they would show at least, by id."""
+    return {effect.id: TEXT("lacking.size") for effect in kind.effects if sizes and effect.id not in sizes}
+
+
 def _proposal(
-    prepared: Prepared, found: Search, train: Sequence[Record], seed: int, *, unexplained: bool
+    prepared: Prepared, found: Search, train: Sequence[Record], seed: int, verdict: str, sizes: Mapping[str, float]
 ) -> Proposal | None:
-    """The drive of the next record."""
+    """The drive of the next record; where nothing is found, and of some effects only much would have shown by their
+    `sizes`, one with which less of them does.
+    """
     kind, hidden, rng = prepared.kind, prepared.hidden, np.random.default_rng(seed)
-    shown = shown_with(prepared.rig, train, hidden) if hidden or unexplained else None
-    return propose(kind, kind.searched(train), found, shown, rng, unexplained=unexplained)
+    base, records = kind.nominal() | found.calibrated.theta, kind.searched(train)
+    read = [record.beginning(SET.plan_read_s / len(records)) for record in records]
+
+    def unseen(effects: Sequence[type[Effect]], series: Sequence[Record]) -> list[type[Effect]]:
+        one = replace(kind, effects=tuple(effects))
+        return unshown(one, least_sizes(one, series, base, found.threshold, found.null_cost)) if effects else []
+
+    much = unshown(kind, sizes) if verdict == "none" and sizes else []
+    much = unseen(much, read)
+    shown = shown_with(prepared.rig, train, hidden) if hidden or much or verdict == "unknown" else None
+
+    def smaller(motion: Record) -> frozenset[str]:
+        left = unseen(much, [*read, kind.made(motion, base)])
+        return frozenset(effect.id for effect in much if effect not in left)
+
+    return propose(kind, records, found, shown, rng, smaller if much else None, unexplained=verdict == "unknown")
 
 
 def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:

@@ -122,6 +122,17 @@ def test_a_right_model_lacks_nothing_and_finds_its_numbers_again() -> None:
     assert again.error == finding.error
 
 
+def test_none_of_records_that_show_only_much_of_an_effect_asks_for_a_record_that_shows_less() -> None:
+    """A pull without a rest."""
+    rig, (record, _) = parse_rig(PULL), short_pull()[1]
+    finding, _ = close(rig, [record, replace(record, name="again")], [], quiet)
+    assert finding.verdict == "none"
+    assert finding.proposal is not None
+    shown = finding.proposal.shows
+    assert set(shown) & (finding.cannot_show.keys() | finding.smallest_detectable.keys())
+    assert "or only more of it" in str(finding.next_experiment)
+
+
 def test_a_model_tells_its_held_out_error_where_records_were_held_out() -> None:
     _, records = short_pull()
     finding, model = close(parse_rig(PULL), records[:1], records[1:], quiet)

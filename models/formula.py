@@ -193,9 +193,7 @@ def interpolated(x: Any, places: Sequence[Any], values: Sequence[Any]) -> Formul
 
 
 def parts_of(formula: Formula) -> tuple[Formula, list[Formula]]:
-    """The formula as it is written, and an equation for each of its parts that has a name of its own or that stands in
-    it more than once.
-    """
+    """The formula as it is written, and equations of its parts that have a name or stand in it more than once."""
     uses, done, parts = Counter[int](), dict[int, Formula](), dict[str, Formula]()
 
     def count(part: Formula) -> None:

@@ -11,41 +11,13 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 SETS = Path(__file__).parent / "sets"
 Name = str | tuple[str, str]
 """Key of a parameter or a state: its name; of an effect (or a drive) the id and the name."""
 _ROUNDING = 1e-9  # of a value, by which it may be beyond its bounds
 Role = Literal["", "phase", "place"]
-LETTERS: Final = MappingProxyType(
-    {
-        "friction_coefficient": "mu",
-        "hoop_stress_factor": "c",
-        "magnet_stiffness_N_per_m": "k_m",
-        "coil_force_N_per_A": "k_i",
-        "coil_resistance_ohm": "R",
-        "back_emf_V_s_per_m": "K_e",
-        "force_N": "F_on",
-        "spring_stiffness_N_per_m": "k",
-        "spring_damping_N_s_per_m": "d",
-        "recovery_time_s": "t_r",
-        "mass_kg": "m",
-        "inertia_kg_m2": "J",
-        "body_mass_kg": "m_b",
-        "inner_mass_kg": "m_i",
-        "friction_N": "F_c",
-        "coulomb_friction_N": "F_c",
-        "coulomb_friction_N_m": "T_c",
-        "viscous_friction_N_s_per_m": "b",
-        "viscous_friction_N_m_s_per_rad": "b",
-        "offset_N": "F_0",
-        "offset_N_m": "T_0",
-        "load_scale": "s_L",
-        **{f"log10_{name}{k}": f"{name}_{k}" for name, k in (("E", 1), ("E", 2), ("E", 3), ("tau", 1), ("tau", 2))},
-    }
-)
-"""Letters of the base models' parameters in equations."""
 
 
 @dataclass(frozen=True)
@@ -131,10 +103,7 @@ class ParameterSet:
 @cache
 def load_set(name: str) -> ParameterSet:
     """Read `models/sets/NAME.toml`; a miss names the nearest set."""
-    path = SETS / f"{name}.toml"
-    if not path.is_file():
-        raise ValueError(f"parameter set must be one that exists; got {name!r}; {nearest(name, available_sets())}")
-    raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    raw = tomllib.loads(one_of(SETS, name, ".toml", "parameter set").read_text(encoding="utf-8"))
     head = raw["set"]
     parameters = {
         key: Parameter(key, float(entry["value"]), entry["unit"], source=entry.get("source", head["source"]))
@@ -143,9 +112,13 @@ def load_set(name: str) -> ParameterSet:
     return ParameterSet(name, head["title"], head["source"], head["caution"], MappingProxyType(parameters))
 
 
-def available_sets() -> list[str]:
-    """Names of the parameter sets that ship with the models."""
-    return sorted(path.stem for path in SETS.glob("*.toml"))
+def one_of(folder: Path, name: str, ending: str, what: str) -> Path:
+    """The file `name` of a folder of ours. Raises ValueError, which names the nearest, for `what` is not there."""
+    path = folder / f"{name}{ending}"
+    if not path.is_file():
+        known = sorted(other.stem for other in folder.glob(f"*{ending}"))
+        raise ValueError(f"{what} must be one that exists; got {name!r}; {nearest(name, known)}")
+    return path
 
 
 def settings(file: str) -> Any:

@@ -10,10 +10,10 @@ from typing import Any, Final
 from hil.report.mathml import symbol_html
 from hil.report.words import PARTS, column_words, error_cells, interpolation, parameter_words
 from models.effects import effect_words
+from models.effects.equation import LETTERS
 from models.formula import line_text
 from models.identification.finding import NEXT_TOML, STAGES, Finding, Fitted, FoundEffect, Profile
 from models.identification.fitting.profile import LINE
-from models.parameter import LETTERS
 from models.words.quantities import DASH, change, measured_unit, number, percent, plain, quantity, scale, with_interval
 
 _RENAMED: Final = {"identifiable": "told"}

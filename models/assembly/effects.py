@@ -39,16 +39,8 @@ class Active:
     def total(self, hook: str, s: Signals) -> Any:
         return sum((getattr(e, hook)(s, p, z) for e, p, z in self._each()), 0.0)
 
-    def command(self, s: Signals) -> Any:
-        """The command through all effects, one after the other."""
-        return self._passed("command", s)
-
-    def direction(self, s: Signals) -> Any:
-        """What an axis's friction follows, through all effects."""
-        return self._passed("direction", s)
-
-    def _passed(self, signal: str, s: Signals) -> Any:
-        """A `signal` through the hook of its name of all effects."""
+    def passed(self, signal: str, s: Signals) -> Any:
+        """A `signal`, the command or the direction, through the hook of its name of all effects."""
         for e, p, z in self._each():
             s = replace(s, **{signal: getattr(e, signal)(s, p, z)})
         return getattr(s, signal)

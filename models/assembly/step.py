@@ -120,12 +120,12 @@ class Stepper:
             t, x_now, v_now, now["direction"], c1, rate, now["travelled"], T_quiet, drag.u, now["u_rate"], now["dwell"]
         )
         active_next = self.active.advance(s, h)
-        command = active_next.command(s)
+        command = active_next.passed("command", s)
         if imposed:
             v_now = (command - now["x"]) / h
         middle = command - 0.5 * h * rate
         if self.drive.launched:  # a lag changes it within the step also where the command does not
-            middle = 0.5 * (self.active.command(replace(s, command=c0)) + command)
+            middle = 0.5 * (self.active.passed("command", replace(s, command=c0)) + command)
         push = Push(0.0) if imposed else self.push(now, replace(s, v=v_now), middle, h)
         rest = _REST_IMPOSED if imposed else _REST
         facing = now["direction"]  # of a resting body's friction: the last motion's in a wall, else the push's
@@ -160,9 +160,7 @@ class Stepper:
     def _slowed(
         self, now: dict[Name, Any], push: Push, others: Any, s: Signals, grip: Grip, pulled: tuple[Any, Any], h: Any
     ) -> tuple[Any, Any]:
-        """`_speed` under the `grip`; where its level depends on the speed, under the level at the step's own mean
-        speed, by a secant: the slope of friction over speed times h/m is not small.
-        """
+        """`_speed` under the `grip`; where its level depends on speed, by a secant at that of the step's own mean."""
 
         def at(friction: Any) -> tuple[Any, Any]:
             return self._speed(now, push, others, friction, pulled, h)

@@ -212,9 +212,7 @@ class Shifted:
         return self.y(self.at + lag + np.multiply.outer(drifted, self.share))
 
     def left(self, lag: float, drifted: float | Array) -> Array:
-        """The sum of squares where the column is late by `lag` s in the middle of the record and drifts by `drifted` s
-        from beginning to end (one value or several).
-        """
+        """Sum of squares where the column is late by `lag` s in the middle and drifts by `drifted` s (one or more)."""
         moved = self._moved(lag, drifted)
         return np.asarray(np.sum(moved**2, axis=-1) - np.sum((moved @ self.within) ** 2, axis=-1))
 

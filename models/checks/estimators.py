@@ -29,9 +29,7 @@ def white_noise(x: Array) -> float:
 
 
 def smooth_speed(x: Array, dt: float) -> tuple[Array, float, int]:
-    """Speed of a place over the shortest of a few windows that shows more motion than noise, its noise, and half that
-    window in samples.
-    """
+    """Speed of a place over the shortest window that shows more motion than noise, its noise, half that window."""
     noise = max(white_noise(x), step_noise(x))
     for window in SET.speed_windows_s:
         n = max(1, round(window / 2 / dt))
@@ -69,9 +67,7 @@ def spectral_noise(x: Array) -> tuple[float, bool]:
 
 
 def grid_step(x: Array) -> float:
-    """Step of the grid on which the values of `x` lie; 0 where they lie on none that is identifiable. Found once for as
-    long as an array lives, which never changes.
-    """
+    """Step of the grid on which the values of `x` lie; 0 for none that is identifiable. Found once for an array."""
     if id(x) not in _STEPS:
         _STEPS[id(x)] = _grid_step(x)
         weakref.finalize(x, _STEPS.pop, id(x), None)

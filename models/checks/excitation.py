@@ -53,11 +53,6 @@ class Excitation:
         return bool(len(t) > 1 and np.ptp(t) * np.ptp(x) > 0 and np.corrcoef(t, x)[0, 1] ** 2 > SET.straight)
 
     @cached_property
-    def little_turn(self) -> bool:
-        """Whether an axis turns by less than a quarter turn in all records together."""
-        return all(view.turns for view in self.views) and self.travel < np.pi / 2
-
-    @cached_property
     def travel(self) -> float:
         """From the lowest to the highest position of all records, in m (rad)."""
         places = [view.record[view.moving_column] for view in self.views]
@@ -102,9 +97,7 @@ class Excitation:
 
 
 def varied(column: str, values: Array) -> bool:
-    """Whether a logged input changes by itself: by a share of its size, a temperature by a few kelvins. Less may follow
-    from the motion.
-    """
+    """Whether a logged input changes by itself, by a share of its size or kelvins: less may follow from the motion."""
     low, high = np.percentile(values, [5, 95])
     least = SET.warmer_K if column == "temperature_degC" else SET.load_varied * max(abs(low), abs(high))
     return bool(high - low > least)
@@ -120,15 +113,16 @@ def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effe
     weight on a lever is a spring.
     """
     views = _timed(rig, records)
+    if not views:
+        return {}
     seen, forces = Excitation(views), {effect.id for effect in effects if effect.answers("force")}
+    little_turn = all(view.turns for view in views) and seen.travel < np.pi / 2
 
     def alike(one: type[Effect], other: type[Effect]) -> bool:
         needs = {*one.needs, *other.needs}
-        turned = seen.little_turn and "turning" in needs and {one.id, other.id} <= forces
+        turned = little_turn and "turning" in needs and {one.id, other.id} <= forces
         return one.looks_like(other) and (turned or (seen.one_course and needs >= {"places", "time"}))
 
-    if not views:
-        return {}
     near = {one.id: [e.id for e in effects if alike(one, e)] for one in effects}
     return {name: tuple(sorted(_reached(name, near) - {name})) for name, others in near.items() if others}
 

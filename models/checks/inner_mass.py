@@ -61,9 +61,7 @@ def check_inner_mass(view: View) -> Findings:
 
 
 def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
-    """By how many s the position comes later with every second, where this raises the correlation with the swings in
-    air clearly above the `best` without; else 0.
-    """
+    """By how many s the position comes later every second, where this clearly exceeds the `best` without; else 0."""
     step = _grid_s(view)
     (x, y), at = both, np.arange(len(both[0])) * step
     length = float(at[-1])
@@ -89,9 +87,7 @@ def _grid_s(view: View) -> float:
 
 
 def _swings(view: View) -> tuple[Array, Array] | None:
-    """The body's position in air under the drive and the measured one, both on an even grid and in the band of the
-    vibration, shape (n,); None where the record is too short or too slow, or the force of its drive is unknown.
-    """
+    """The body's position in air and the measured one, (n,) on an even grid in the vibration's band, if known."""
     force, step = _force(view), _grid_s(view)
     nyquist = 0.5 / step
     if force is None or view.t[-1] - view.t[0] < SET.swing_s or nyquist < 2 * SET.band_hz[0] or not np.ptp(force):

@@ -23,9 +23,7 @@ def _key(view: View) -> str:
 
 
 def noise_used(stated: float | None, estimated: float, span: float, step: float = 0.0) -> float:
-    """The noise that fits use: the stated one with what a resolution `step` adds, unless the record is noisier or the
-    stated one is too large for the `span` of the signal.
-    """
+    """The noise that fits use: as stated with that of a `step`, unless the record is noisier or it is absurd."""
     stated = stated if stated is None else math.hypot(stated, step / math.sqrt(12))
     if stated is None or estimated > SET.noise_off * stated or stated > SET.noise_absurd * span:
         return estimated
@@ -110,17 +108,13 @@ def check_tones(view: View) -> Findings:
 
 
 def tones(view: View) -> list[tuple[float, float]]:
-    """Frequency in Hz and amplitude of each tone of the measured column that every stretch of the record shows, and of
-    mains that its rests show.
-    """
+    """Frequency in Hz and amplitude of each tone that all stretches of the measured column show, of mains at rest."""
     found = _throughout(view)
     return found + [mains for mains in _at_rest(view) if all(abs(mains[0] - hertz) > 2.0 for hertz, _ in found)]
 
 
 def _at_rest(view: View) -> list[tuple[float, float]]:
-    """Mains in what a parabola leaves of the windows at rest: a power there by far over white noise's, and over that of
-    frequencies beside it.
-    """
+    """Mains in what a parabola leaves of the windows at rest: far over white noise and over frequencies beside it."""
     rows, at = view.windows_at_rest(SET.mains_window), np.arange(SET.mains_window)
     if len(rows) < SET.mains_windows:
         return []

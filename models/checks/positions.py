@@ -16,9 +16,7 @@ _USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))  # an
 
 
 def jumps(view: View) -> NDArray[np.int64]:
-    """Rows (k,) before which the measured position jumps and stays: by more than its noise, and further than 1 N could
-    move the capsule in a sampling interval.
-    """
+    """Rows (k,) before which the measured position jumps and stays, further than noise or 1 N could move a capsule."""
     if view.measured != "position_m" or view.kind.stage:
         return _NONE
     interval = view.dt / float(np.mean(fresh(view)))
@@ -28,9 +26,7 @@ def jumps(view: View) -> NDArray[np.int64]:
 
 
 def slips(view: View, name: str) -> list[tuple[int, int]]:
-    """First and last rows before which a place `name` of a machine jumps, far beyond its usual steps, and stays; not
-    where it stood still until then, as a lost signal does.
-    """
+    """First and last rows before which a place `name` of a machine jumps and stays, unless a lost signal held it."""
     return [(first, last) for first, last in _leaps(view, name) if not _held(view.record[name], first)]
 
 
@@ -58,9 +54,7 @@ def _within(view: View, rows: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _steps(values: Array, least: float, longest: int = 1) -> list[tuple[int, int]]:
-    """First and last of at most `longest` rows before each of which `values` step by more than `least`, alone among
-    their neighbours, and stay there.
-    """
+    """First and last of up to `longest` rows before which `values` step by more than `least`, alone, and stay there."""
     n, size, found = SET.beside, np.abs(np.diff(values, append=values[-1])), list[tuple[int, int]]()
     if len(values) < 4 * n:
         return []
@@ -74,9 +68,7 @@ def _steps(values: Array, least: float, longest: int = 1) -> list[tuple[int, int
 
 
 def check_jumps(view: View) -> Findings:
-    """A position that jumps from one sample to the next: a measured one faster than anything could move the capsule, a
-    machine's far beyond its usual steps.
-    """
+    """A position that jumps: a measured one faster than anything moves it, a machine's far beyond its usual steps."""
     machine = view.moving_column if view.kind.stage else view.driven
     if len(rows := jumps(view)):
         yield _jumped(view, view.measured, "place_jumps", [(row, row) for row in rows.tolist()])
@@ -179,12 +171,9 @@ def check_stuck(view: View) -> Findings:
     whole = float(np.diff(np.percentile(y[view.moves], [5, 95]))[0])
     settled, least = round(SET.stuck_settled_s / view.dt), round((SET.stuck_settled_s + SET.stuck_s) / view.dt)
     rests = [(a + settled, b) for a, b in runs_of(~view.moves, least)]
-    stuck = [(a, b) for a, b in rests if _swings(y[a:b], 0.5 * SET.stuck_much * whole) >= least_swings]
+    beyond = [y[a:b][np.abs(y[a:b]) > 0.5 * SET.stuck_much * whole] for a, b in rests]
+    swings = [np.count_nonzero(np.diff(np.sign(there))) for there in beyond]
+    stuck = [rest for rest, n in zip(rests, swings, strict=True) if n >= least_swings]
     if stuck and whole >= 20 * view.noise:
         begins, longest = [a for a, _ in stuck], max(b - a for a, b in stuck) * view.dt
         yield view.weakens("driven_stuck", name, begins, longest=longest, n=least_swings, share=SET.stuck_much)
-
-
-def _swings(y: Array, level: float) -> int:
-    """How often `y` goes from beyond `level` on one side of 0 to beyond it on the other."""
-    return int(np.count_nonzero(np.diff(np.sign(y[np.abs(y) > level]))))

@@ -19,9 +19,7 @@ SWITCHED = ("drive_on", "coil_voltage_V")
 
 @once
 def clipped(view: View) -> Mask:
-    """Where the measured column stands at an end of its range as clipping leaves it, shape of the column. Needs noise:
-    without it rest at the end of a stroke looks the same.
-    """
+    """Where the measured column stands at an end of its range as clipping leaves it, (n,); nowhere without noise."""
     y, mask, step, span = view.y, np.zeros(len(view.y), dtype=bool), grid_step(view.y), float(np.ptp(view.y))
     if span == 0 or view.noise <= max(SET.clip_dither * step, 1e-7 * span):
         return mask

@@ -54,9 +54,7 @@ def _along(view: View, force: Array) -> tuple[float, int]:
 
 
 def _unsigned(view: View, column: str) -> Findings:
-    """Whether a pull's force changes sign with the direction of motion, as friction does: half the difference between
-    the directions, against its size.
-    """
+    """Whether a pull's force changes sign with the motion, as friction does: half the difference of the directions."""
     forward, backward = both = [view.ends(view.y, sign) for sign in (1.0, -1.0)]
     if min(map(len, both)) < SET.sign_strokes or silent_response(view):
         return
@@ -105,9 +103,7 @@ def check_same(view: View) -> Findings:
 
 
 def check_pull_exchanged(view: View) -> Findings:
-    """A stage follows its path more finely than a load cell measures, and friction changes sign with the motion: where
-    neither holds, the columns are exchanged.
-    """
+    """A stage is finer than a load cell, and friction turns with the motion; where neither holds, both are swapped."""
     speed = float(np.mean(np.abs(view.speed)))
     if not view.kind.drawn or view.driven is None or not speed:
         return

@@ -54,9 +54,7 @@ def _beyond_its_range(view: View, column: str, case: str, line: str) -> Findings
 
 
 def _behind_the_magnet(view: View, driven: str) -> Findings:
-    """A capsule that follows its magnet travels as far: neither several times as far, nor a fraction of a distance that
-    is long compared with the magnet's range.
-    """
+    """A capsule that follows its magnet travels as far, unless the way is short beside the magnet's range."""
     x, c = view.averaged(view.y, SET.mean_s), view.averaged(view.record[driven], SET.mean_s)
     if not np.std(x) or not np.std(c) or float(np.corrcoef(x, c)[0, 1]) <= SET.way_follows:
         return
@@ -98,9 +96,7 @@ def _off_its_size(
 
 
 def check_table(view: View) -> Findings:
-    """Columns of a table outside their range or outside what such rigs reach; a measured one that is the same under
-    every condition; and columns that contradict each other.
-    """
+    """Columns of a table out of range, beyond what such rigs reach, constant, or in contradiction to each other."""
     out = list(_out_of_range(view))
     yield from out
     if out:

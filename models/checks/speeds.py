@@ -100,9 +100,7 @@ def check_repeated(view: View) -> Findings:
 
 
 def motion_rows(view: View, seconds: float = SET.motion_windows_s[0]) -> Array:
-    """Acceleration, direction, speed, 1, place and, of an axis that turns, its sine and cosine, shape (n, 5 or 7), of
-    means over so many s on either side.
-    """
+    """Acceleration, direction, speed, 1, place, for turns its sine and cosine, (n, 5 or 7), means over so many s."""
     x, n = view.record[view.moving_column], max(1, round(seconds / view.dt))
     v = np.gradient(running_mean(x, n)) / view.dt
     a = np.gradient(running_mean(v, n)) / view.dt
@@ -113,13 +111,10 @@ def motion_rows(view: View, seconds: float = SET.motion_windows_s[0]) -> Array:
 def follows_motion(view: View) -> bool:
     """Whether a line through the motion of one half of a record foretells the force of the other, however fast."""
     half = np.arange(len(view.y)) < len(view.y) // 2
-    return any(_foretells(motion_rows(view, seconds), view.y, half) for seconds in SET.motion_windows_s)
+    rows = (motion_rows(view, seconds) for seconds in SET.motion_windows_s)
+    return any(all(_foretold(one, view.y, part) > SET.foretold for part in (half, ~half)) for one in rows)
 
 
-def _foretells(rows: Array, y: Array, half: Mask) -> bool:
-    return all(_foretold(rows[a], y[a], rows[b], y[b]) > SET.foretold for a, b in ((half, ~half), (~half, half)))
-
-
-def _foretold(rows: Array, y: Array, others: Array, values: Array) -> float:
-    spread = float(np.var(values))
-    return 1 - float(np.mean((values - others @ regressed(rows, y)) ** 2)) / spread if spread else 0.0
+def _foretold(rows: Array, y: Array, half: Mask) -> float:
+    spread, left = float(np.var(y[~half])), y[~half] - rows[~half] @ regressed(rows[half], y[half])
+    return 1 - float(np.mean(left**2)) / spread if spread else 0.0

@@ -178,9 +178,7 @@ def _first(view: View, seconds: float = SET.start_s) -> slice:
 
 
 def _starts_in_motion(view: View) -> bool:
-    """Whether the record starts at half the usual speed or more; for a pull, whose driven position has no noise and
-    cannot accelerate, at any speed.
-    """
+    """Whether the record starts at half the usual speed or more; a pull, whose position has no noise, at any speed."""
     first, usual = _first(view), float(np.median(np.abs(view.speed[view.moves])))
     least = 0.0 if view.kind.drawn else 0.5 * usual
     return bool(view.moves[first].all()) and abs(float(np.mean(view.speed[first]))) >= least

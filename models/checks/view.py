@@ -91,9 +91,7 @@ class View:
 
     @cached_property
     def pushing(self) -> tuple[str, Array] | None:
-        """The column that drives the capsule of a pull or a coil, and its force in N (a logged current, or a voltage
-        over a known resistance); None where there is no such column.
-        """
+        """The column that drives a pull or a coil, and its force in N; None where that is not known."""
         if self.kind.drawn and "force_N" in self.record.columns:
             return "force_N", self.record["force_N"]
         coil = self.rig.coil
@@ -150,9 +148,7 @@ class View:
         return still & (self.record[self.driven] == 0) if self.kind.vibrates and self.driven else still
 
     def windows_at_rest(self, samples: int) -> Array:
-        """Pieces of the measured column at rest, shape (n, samples), 0.3 s and more after a motion, however slow:
-        until then a wall may still draw back.
-        """
+        """Pieces of the measured column at rest, (n, samples), 0.3 s and more after a motion: a wall may draw back."""
         still = self.rests & (np.abs(self.speed) <= max(5 * self.speed_noise, 1e-7))
         after = round(SET.rest_settled_s / self.dt)
         rows = [self.y[k : k + samples] for a, b in runs_of(still) for k in range(a + after, b - samples + 1, samples)]

@@ -14,41 +14,11 @@ from typing import Any
 
 from llvmlite import ir
 
+from models.files.toml import beside
+
 _ROUND = 6755399441055744.0  # 1.5 * 2^52: what is added to it is rounded to a whole number in its low bits
-_LN2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)  # ln 2 in two parts, of fdlibm as all below
-_PIO2 = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624871116645580e-21)  # pi/2 in three parts
-_EXP = (  # of fdlibm's exponential
-    1.66666666666666019037e-01,
-    -2.77777777770155933842e-03,
-    6.61375632143793436117e-05,
-    -1.65339022054652515390e-06,
-    4.13813679705723846039e-08,
-)
-_LOG = (  # of its logarithm
-    6.666666666666735130e-01,
-    3.999999999940941908e-01,
-    2.857142874366239149e-01,
-    2.222219843214978396e-01,
-    1.818357216161805012e-01,
-    1.531383769920937332e-01,
-    1.479819860511658591e-01,
-)
-_SIN = (  # of its sine
-    -1.66666666666666324348e-01,
-    8.33333333332248946124e-03,
-    -1.98412698298579493134e-04,
-    2.75573137070700676789e-06,
-    -2.50507602534068634195e-08,
-    1.58969099521155010221e-10,
-)
-_COS = (  # of its cosine
-    4.16666666666666019037e-02,
-    -1.38888888888741095749e-03,
-    2.48015872894767294178e-05,
-    -2.75573143513906633035e-07,
-    2.08757232129817482790e-09,
-    -1.13596475577881948265e-11,
-)
+_FDLIBM: dict[str, list[float]] = beside(__file__, "arithmetic.toml")
+_LN2, _PIO2, _EXP, _LOG, _SIN, _COS = (_FDLIBM[name] for name in ("ln2", "half_pi", "exp", "log", "sin", "cos"))
 _SINH = tuple(1.0 / math.factorial(n) for n in range(3, 18, 2))
 _LONGEST_PRODUCT = 16  # largest power that is written as a product
 _INT, _REAL = ir.IntType(64), ir.DoubleType()

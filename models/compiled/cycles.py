@@ -54,9 +54,7 @@ def _run(code: int, work: Array, runs: Array, steps: int, watched: Array, n: int
 
 @dataclass(frozen=True)
 class Cycles:
-    """`assembly` from rest, `LANES` runs side by side. Once a period leaves speed, drive and effects as it found them,
-    the remaining ones are not stepped through.
-    """
+    """`assembly` from rest, `LANES` runs side by side; periods that repeat the one before are not stepped through."""
 
     assembly: Assembly
 
@@ -67,9 +65,7 @@ class Cycles:
         return addresses([Code(step, inputs, (0, n + m + 4))], LANES)[0]
 
     def speeds(self, runs: Array, values: Mapping[Name, float], step_s: float = STEP_S) -> Array:
-        """Mean speed of the body in m/s (k,) over each of the `runs` (k, 3): period in s, duty and number of cycles; at
-        `values` by name.
-        """
+        """Mean speed of the body in m/s (k,) over `runs` (k, 3): period in s, duty, cycles; at `values` by name."""
         states = self.assembly.states
         watched = np.array([k for k, name in enumerate(states) if name == "v" or name not in BASE_STATES])
         start = np.concatenate([self.assembly.start(), self.assembly.vector(values), np.zeros(5)])

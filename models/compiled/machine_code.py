@@ -25,7 +25,7 @@ _INT, _REAL = ir.IntType(64), ir.DoubleType()
 _KIND = ir.FunctionType(ir.VoidType(), [_REAL.as_pointer(), _REAL.as_pointer()])
 # LLVM would keep to 256 bits where short loops pay for wide units; these run for seconds
 _WIDE = '"prefer-vector-width"="512"'
-_WRITERS = (Path(__file__), Path(__file__).with_name("arithmetic.py"))
+_WRITERS = (Path(__file__), *(Path(__file__).with_name(f"arithmetic.{ending}") for ending in ("py", "toml")))
 _LOADING = threading.Lock()
 _LOADED: dict[str, Any] = {}
 

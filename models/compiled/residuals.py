@@ -51,9 +51,7 @@ def sampled(shown: Array, clock: Array, times: Array, late: Array, same: bool, r
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def lagging(signal: Array, steps: float) -> Any:
-    """`signal` (n,) through a first-order low-pass with a time constant of so many `steps`, straight between them; from
-    rest at its first value.
-    """
+    """`signal` (n,) through a first-order low-pass over so many `steps`, straight between, from rest at its first."""
     out = signal.copy()
     if steps <= 1e-3:
         return out
@@ -93,9 +91,7 @@ def weighed(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def products(rows: Array) -> Any:
-    """`rows @ rows.T` (p, p) of `rows` (p, m): from it come sums of squares and normal equations. The same to the last
-    bit whenever `rows` are.
-    """
+    """`rows @ rows.T` (p, p) of `rows` (p, m), for normal equations: the same to the last bit whenever `rows` are."""
     p, m = rows.shape
     out = np.zeros((p, p))
     for start in range(0, m, _COLUMNS):

@@ -14,9 +14,7 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class Coil(Drive):
-    """Coil current i in A; force `k i` on the capsule in a uniform field, `k i/(1 + ((x - x_c)/r)^2)^2` where the field
-    has a range r.
-    """
+    """Current i in A; force `k i` in a uniform field, `k i/(1 + ((x - x_c)/r)^2)^2` where the field has a range r."""
 
     name: ClassVar[str] = "coil"
     commanded: ClassVar[str] = "coil_current_A"

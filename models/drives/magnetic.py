@@ -15,9 +15,7 @@ _STEPS = 4  # of Newton's method on two dipoles
 
 @dataclass(frozen=True)
 class Magnetic(Drive):
-    """Imposed carriage position in m; force `k g/(1 + (g/r)^2)^2` on the gap `g = carriage - capsule`, largest at `g =
-    r/sqrt(3)`.
-    """
+    """Imposed carriage position in m; force `k g/(1 + (g/r)^2)^2` on the gap g to the capsule, most at `r/sqrt(3)`."""
 
     name: ClassVar[str] = "magnetic"
     commanded: ClassVar[str] = "carriage_position_m"
@@ -52,9 +50,7 @@ class Magnetic(Drive):
 
 
 def _gap(ratio: Any, reach: float) -> Any:
-    """The gap g in m with `g/(1 + (g/r)^2)^2` = `ratio`, limited to 0.95 of the one of greatest force; three Newton
-    steps.
-    """
+    """The gap g in m with `g/(1 + (g/r)^2)^2` = `ratio`, up to 0.95 of that of greatest force; three Newton steps."""
     most = 0.95 * reach / np.sqrt(3)
     g = np.clip(ratio, -most, most)
     for _ in range(3):

@@ -112,9 +112,7 @@ class Vibro(Drive):
 
 @dataclass(frozen=True)
 class RatedVibro(Vibro):
-    """The same drive commanded by its coil's voltage: force F at the rated voltage, proportional below it, without
-    delay.
-    """
+    """The same drive commanded by its coil's voltage: force F at the rated voltage, in proportion below, at once."""
 
     commanded: ClassVar[str] = "coil_voltage_V"
     rated_voltage_V: float = 12.0
@@ -126,9 +124,7 @@ class RatedVibro(Vibro):
 
 @dataclass(frozen=True)
 class VoltageVibro(Vibro):
-    """The same drive commanded by its coil's voltage: force `K i` with the current behind R, L, back-EMF of the
-    relative speed.
-    """
+    """The same drive commanded by its coil's voltage: force `K i` of the current behind R, L and back-EMF."""
 
     commanded: ClassVar[str] = "coil_voltage_V"
     states: ClassVar[tuple[str, ...]] = ("stretch_m", "rate_m_s", "current_A")

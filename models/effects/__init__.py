@@ -39,9 +39,7 @@ REFINEMENTS: Final = _declared(refinements)
 
 @dataclass(frozen=True)
 class Catalogue(Mapping[str, type[Effect]]):
-    """Every effect that may take part, by its id: the project's, and its `own` from outside; `variants` replace them on
-    one rig.
-    """
+    """Every effect that may take part, by id: ours, its `own` from outside; `variants` replace them on one rig."""
 
     own: tuple[Origin, ...] = ()
     variants: tuple[type[Effect], ...] = ()

@@ -234,9 +234,7 @@ Drawn = tuple[dict[str, float], dict[str, float], dict[str, float], dict[str, fl
 
 
 def _drawn(effect: type[Effect], asked: Collection[str], rng: np.random.Generator, *, usual: bool) -> Drawn:
-    """Parameters, states, signals and arguments: anywhere within their bounds, or of `usual` size, where no bound acts
-    that an equation leaves out.
-    """
+    """Parameters, states, signals and arguments: anywhere within their bounds, or of `usual` size, where none acts."""
     own = values_of(effect)
     given = {name: value * rng.uniform(0.5, 2) for name, value in USUAL.items()}
     s = {name: value * rng.uniform(0.5, 1.5) for name, value in TRIED.items()}

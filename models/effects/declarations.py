@@ -32,7 +32,8 @@ def declared(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
         yield ".summary must say in a few words what the effect is; got none"
     if not isinstance(effect.kinds, frozenset | set):
         yield f".kinds must be a set of kinds of rig, such as frozenset({{'pull'}}); got {effect.kinds!r}"
-    for loose in (key for key in _TUPLES if not _is_names(values[key])):
+    names = {key for key in _TUPLES if isinstance(values[key], tuple) and all(isinstance(v, str) for v in values[key])}
+    for loose in (key for key in _TUPLES if key not in names):
         yield f".{loose} must be a tuple of names, such as ('a',); got {values[loose]!r}"
     if not isinstance(effect.by_speed, bool):
         yield f".by_speed must be True or False; got {effect.by_speed!r}"
@@ -47,10 +48,6 @@ def declared(effect: type[Effect], known: Collection[str]) -> Iterator[str]:
         yield f".follows must map states to 'command' or 'position'; got {effect.follows!r}"
     for wrong in sorted(str(value) for value in effect.follows.values() if value not in ("command", "position")):
         yield f".follows must map states to 'command' or 'position'; got {wrong!r}"
-
-
-def _is_names(value: Any) -> bool:
-    return isinstance(value, tuple) and all(isinstance(entry, str) for entry in value)
 
 
 def of_parameters(effect: type[Effect], known: Collection[str]) -> Iterator[str]:

@@ -15,8 +15,6 @@ class ActuatorLag(Effect):
     """First-order lag `tau u' = u_cmd - u`, exact for a ramp within the step."""
 
     id = "actuator_lag"
-    words = "a lagging drive"
-    summary = "first-order lag of the drive"
     source = "first-order drive"
     symbols = by_name(command="u")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "driven_axis"})
@@ -24,7 +22,6 @@ class ActuatorLag(Effect):
     follows = by_name(command="command")
     probe = 0.005
     confounders: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lowpass", "carriage_backlash", "coil_lag")
-    separated_by = "time-stamped edges; phase against frequency"
     refined_by: ClassVar[tuple[str, ...]] = ("sensor_delay", "further_lag")
 
     time_s = number(0.0, "s", 0.0, 1.0, symbol="tau")
@@ -58,8 +55,6 @@ class CarriageBacklash(Effect):
     """
 
     id = "carriage_backlash"
-    words = "a drive with backlash"
-    summary = "play in the drive"
     source = "tracing catalogue 18; backlash-like hysteresis, Su et al., IEEE TAC 45 (2000) 2427"
     symbols = by_name(position_m="u")
     kinds = frozenset({"pull", "magnetic"})
@@ -69,7 +64,6 @@ class CarriageBacklash(Effect):
     grid = by_name(sharpness=(3.0, 30.0), order=(1.2,))
     probe = 0.0003
     confounders = ("directional_asymmetry", "actuator_lag", "sensor_delay")
-    separated_by = "reversals at several amplitudes"
 
     play_m = number(0.0, "m", 0.0, 0.008, "tracing catalogue 18", symbol="b")
     sharpness = number(10.0, "1", 0.0, 60.0, "from an elastic seat to a loose nut", symbol="k")
@@ -94,18 +88,13 @@ class CarriageBacklash(Effect):
 
 
 class StringCompliance(Effect):
-    """The rig pulls through `models.drives.elastic_link.Link`, force `sinh(b e)/(b c) + d e'` at the stretch e; the
-    capsule is a free mass behind it.
-    """
+    """The rig pulls the capsule, a free mass, through a `Link`: force `sinh(b e)/(b c) + d e'` at the stretch e."""
 
     id = "string_compliance"
-    words = "an elastic string"
-    summary = "an elastic link between rig and capsule"
     source = "tracing catalogue 29"
     kinds = frozenset({"pull"})
     probe = 0.001
     confounders = ("carriage_backlash", "small_strain_stiffening")
-    separated_by = "change the length of the string"
 
     compliance_m_per_N = number(0.0, "m/N", 0.0, 0.02, symbol="c")
     hardening_per_m = number(100.0, "1/m", 0.0, 2000.0, "threads stiffen as they stretch", symbol="b")
@@ -125,14 +114,11 @@ class CouplingDecay(Effect):
     """Scale `1 + g x + b x^2` of the drive's force."""
 
     id = "coupling_decay"
-    words = "a coupling that changes along the track"
-    summary = "the magnet's grip changes along the track"
     source = "tracing catalogue 23"
     kinds = frozenset({"magnetic", "coil"})
     needs = ("places",)
     probe = 1.0
     confounders = ("lumen_taper",)
-    separated_by = "switch the drive off: a taper stays"
 
     slope_per_m = number(0.0, "1/m", -30.0, 30.0, symbol="g")
     bend_per_m2 = number(0.0, "1/m^2", -600.0, 600.0, symbol="b")
@@ -145,13 +131,10 @@ class CouplingFade(DriftInTime):
     """Scale `1 + b t_e + c t_e^2` of the drive's force, over a time that settles."""
 
     id = "coupling_fade"
-    words = "a coupling that fades with time"
-    summary = "the drive's grip changes with time"
     source = "tracing catalogue 20"
     kinds = frozenset({"magnetic", "coil", "vibro"})
     needs = ("time",)
     confounders = ("tissue_drying",)
-    separated_by = "an idle pause; logged current"
 
     def gain(self, s: Signals, p: Values, z: Values) -> Value:
         return drift(s.t, p)
@@ -161,13 +144,10 @@ class ActuatorDeadZone(Effect):
     """Command `sgn(u_cmd) max(|u_cmd| - d, 0)`."""
 
     id = "actuator_dead_zone"
-    words = "a dead zone of the drive"
-    summary = "a dead zone of the drive"
     source = "tracing catalogue 17"
     kinds = frozenset({"coil", "driven_axis"})
     probe = 0.01
     confounders = ("stribeck", "dwell_adhesion", "actuator_saturation")
-    separated_by = "small-signal drive"
 
     zone = number(0.0, "of the command", 0.0, 1.0, symbol="d")
 
@@ -179,13 +159,10 @@ class ActuatorSaturation(Effect):
     """Scale `1/(1 + a u_cmd^2)` of the drive's force: a cubic loss at small drive."""
 
     id = "actuator_saturation"
-    words = "a saturating drive"
-    summary = "saturation of the drive"
     source = "tracing catalogue 19"
     kinds = frozenset({"coil", "driven_axis"})
     probe = 0.5
     confounders = ("actuator_dead_zone",)
-    separated_by = "amplitude staircase"
 
     inverse_square = number(0.0, "1/command^2", 0.0, 100.0, symbol="a")
 
@@ -201,8 +178,6 @@ class MagneticHysteresis(Effect):
     """
 
     id = "magnetic_hysteresis"
-    words = "a magnetic hysteresis"
-    summary = "the drive's force depends on whether its current rose or fell"
     source = "tracing catalogue 22: play in the current (Prandtl's stop, one element of Preisach's model)"
     symbols = by_name(memory="z")
     kinds = frozenset({"coil"})
@@ -211,7 +186,6 @@ class MagneticHysteresis(Effect):
     grid = by_name(width=(0.005, 0.05, 0.5))
     probe = 0.01
     confounders = ("actuator_lag", "directional_asymmetry", "stribeck")
-    separated_by = "the force on a blocked capsule while the current goes up and down slowly"
 
     remanence = number(0.0, "command", -2.0, 2.0, symbol="r")
     width = number(0.05, "command", 0.001, 5.0, symbol="w")
@@ -231,13 +205,10 @@ class BackEmf(Effect):
     """Command `u_cmd - K v`: a coil under a voltage loses K volt for each m/s (K/R ampere of a commanded current)."""
 
     id = "back_emf"
-    words = "a back-EMF of the coil"
-    summary = "the moving magnet takes voltage from the coil that drives it"
     source = "tracing catalogue 21: i = (u - K v)/R"
     kinds = frozenset({"coil"})
     probe = 0.5
     confounders = ("viscous_drag", "actuator_lag")
-    separated_by = "a measured current in place of the voltage: a back-EMF goes, drag of the tissue stays"
 
     loss_s_per_m = number(
         0.0, "of the command's unit a m/s", 0.0, 60.0, "tracing catalogue 21; 0 to 60 V s/m", symbol="K"
@@ -258,15 +229,12 @@ class CoilLag(InnerMassEffect):
     """
 
     id = "coil_lag"
-    words = "a lagging coil current"
-    summary = "the coil's current lags the switch; the force goes with its square"
     source = "reluctance coil F = i^2/2 dL/dx, literature 2.1"
     symbols = by_name(current="i")
     kinds = frozenset({"vibro", "vibro_table"})
     states = ("current",)
     probe = 0.002
     confounders = ("actuator_lag", "coil_reach", "incline_gravity")
-    separated_by = "the coil's current on an oscilloscope"
 
     time_s = number(0.0, "s", 0.0, 0.015, "coil with R 100 ohm: milliseconds", symbol="tau")
 
@@ -292,13 +260,10 @@ class CoilReach(InnerMassEffect):
     """
 
     id = "coil_reach"
-    words = "a coil force that depends on displacement"
-    summary = "the coil's force changes with the inner mass's displacement"
     source = "reluctance coil, literature 1.2"
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 10.0
     confounders = ("coil_lag", "directional_asymmetry")
-    separated_by = "the static force of the coil over displacement"
 
     gain_per_m = number(0.0, "1/m", -60.0, 60.0, "a factor of e over 16 mm", symbol="g")
 

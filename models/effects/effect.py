@@ -9,6 +9,7 @@ from inspect import isfunction
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
+from models.files.toml import beside
 from models.formula import Formula
 from models.laws.five_elements import DynamicModulus
 from models.parameter import Parameter, Role
@@ -23,6 +24,7 @@ NEEDS: Final = (
     *("load", "logged", "samples", "wall", "turning"),
 )
 """What a motion may offer for an effect to show."""
+_WORDS: Final = beside(__file__, "effects.toml")
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,8 @@ def by_name(**entries: Any) -> Mapping[str, Any]:
 class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
 
-    `words` is its name with an article ("a lagging drive"), `summary` says what it does.
+    `words` is its name with an article ("a lagging drive"), `summary` says what it does, `separated_by` what separates
+    it from its confounders: those of ours stand in `effects.toml`.
     `symbols` are letters of states in equations, beside those of the parameters.
     Subclasses declare their parameters as attributes, each a `number(...)`; the first one is the amplitude, and at its
     value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
@@ -112,6 +115,10 @@ class Effect:
     behind: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ()
     proposed_on: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls) -> None:
+        for name, text in _WORDS.get(str(vars(cls).get("id")), {}).items():
+            setattr(cls, name, text)
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

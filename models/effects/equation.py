@@ -1,74 +1,26 @@
 """An effect's equations, traced from its hooks: what is written is what is computed."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from inspect import signature
 from typing import Any, Final
 
 from models.effects.effect import HOOKS, Effect, Signals
+from models.files.toml import beside
 from models.formula import Formula, Line, called, equal, written
-from models.parameter import LETTERS, Name
+from models.parameter import Name
 from models.theta import Theta, bare
 
-LEFT: Final[Mapping[str, tuple[str, str]]] = {
-    "level": ("friction scale", "factor on F_e and f_c, or on the Coulomb friction of a plate or an axis"),
-    "direction": ("s_F", "what friction follows in place of sgn(v), from -1 to 1"),
-    "nose": ("scale at the nose", "factor on F_e"),
-    "weight": ("scale of the weight", "factor on the weight's part of f_c, mu m g"),
-    "pressed": ("scale of the pressure", "factor on the part of f_c that the wall presses, mu N_p"),
-    "force": ("F_extra", "added force on the capsule along +x, N"),
-    "normal_load": ("N_extra", "added force that presses the capsule on its surface, N"),
-    "stiffening": ("tension scale", "factor on the wall's tension T(u_w)"),
-    "wall_force": ("F_wall", "added force with which the wall resists being dragged, N"),
-    "recovery": ("v_i", "speed at which a slipping wall draws back, m/s"),
-    "command": ("u", "command that arrives at the capsule"),
-    "gain": ("drive scale", "factor on the drive's force"),
-    "measured": ("y", "reading of the sensor"),
-    "delay": ("y", "reading of the sensor"),
-    "suspension": ("F_spring", "added force that pulls the inner mass back to the body, N"),
-    "reach": ("coil scale", "factor on the coil's force"),
-    "link": ("F_link", "force of the link, N"),
-    "modulus": ("G_extra", "added complex modulus, Pa"),
-}
+_TABLES: Final = beside(__file__, "equation.toml")
+LEFT: Final[Mapping[str, Sequence[str]]] = _TABLES["left"]
 """The left side of the equation of each hook, and what it is."""
 SIDES: Final = ("nose", "weight", "pressed")
-SIGNALS: Final[Mapping[str, tuple[str, str, float]]] = {
-    "t": ("t", "time, s", 0.7),
-    "x": ("x", "position, m", 4e-3),
-    "v": ("v", "speed, m/s", 6e-3),
-    "direction": ("sgn(v)", "direction of the motion", 1.0),
-    "command": ("u_cmd", "command that was sent: carriage position, coil current or voltage, drive on", 0.4),
-    "rate": ("u_cmd'", "rate of the command", -0.2),
-    "travelled": ("s", "distance travelled, m", 0.02),
-    "tension": ("T", "quasi-static tension of the wall, N", 0.02),
-    "drag": ("u_w", "displacement of the wall, m", 2e-4),
-    "drag_rate": ("u_w'", "rate of the wall's displacement, m/s", 3e-3),
-    "dwell": ("t_rest", "time at rest, s", 0.3),
-    "load": ("N", "load, N or N m", 1.5),
-}
-"""The symbol of each signal in equations, what it is, and a usual value, SI, at which hooks are tried."""
-ARGUMENTS: Final[Mapping[str, tuple[str, str, float]]] = {
-    "y": ("y_0", "true value that the sensor reads", 0.03),
-    "h": ("h", "step, s", 1e-3),
-    "speed": ("v_i0", "speed at which the base model's wall draws back, m/s", 5e-3),
-    "onset": ("u_c", "displacement of the wall at which it slips, m", 3e-4),
-    "stretch": ("xi", "displacement of the inner mass, m", 0.012),
-    "rate": ("xi'", "speed of the inner mass, m/s", 0.1),
-    "frequency_Hz": ("f", "frequency, Hz", 3.0),
-    "factors": ("lambda", "product of all friction scales", 1.0),
-    "e": ("e", "stretch of the link, m", 1e-3),
-    "e_rate": ("e'", "rate of the link's stretch, m/s", 0.02),
-}
+SIGNALS: Final[Mapping[str, Sequence[Any]]] = _TABLES["signals"]
+ARGUMENTS: Final[Mapping[str, Sequence[Any]]] = _TABLES["arguments"]
 """Inputs of hooks other than signals, parameters and states: the symbol, what it is, and a usual value."""
+LETTERS: Final[Mapping[str, str]] = _TABLES["letters"]
+"""Letters of the base models' parameters in equations."""
 TRIED, USUAL = ({name: value for name, (*_, value) in table.items()} for table in (SIGNALS, ARGUMENTS))
 """The usual values of signals and of arguments."""
-_BASE: Final = {
-    "F_act": "force of the drive",
-    "F_e": "resistance of the wall at the nose",
-    "F_v": "drag of the mucus at the relative speed w",
-    "f_c": "tension at which the wall slips",
-    "I_1": "hoop stress integrated over the nose",
-    "I_2": "hoop stress integrated over the cylinder",
-}
 TORQUE: Final = "T_extra"
 """What an added force is called about an axis."""
 _UNWRITTEN: Final = ("response",)
@@ -120,7 +72,7 @@ def lines_of(effects: Iterable[type[Effect]], theta: Theta, *, turns: bool = Fal
 
 def legend(lines: Iterable[Line]) -> dict[str, str]:
     """The meaning of the symbols in `lines` that are no parameters, in alphabetical order."""
-    known = _BASE | {entry[0]: entry[1] for table in (LEFT, SIGNALS, ARGUMENTS) for entry in table.values()}
+    known = _TABLES["base"] | {entry[0]: entry[1] for table in (LEFT, SIGNALS, ARGUMENTS) for entry in table.values()}
     found = {name for line in lines for part in line if isinstance(part, Formula) for name in part.names()}
     return {name: known[name] for name in sorted(found & set(known), key=str.lower)}
 

@@ -16,15 +16,12 @@ class ViscousDrag(Effect):
     """Force `-c sgn(v) (|v|/10 mm/s)^n`: odd in speed, without memory."""
 
     id = "viscous_drag"
-    words = "a viscous drag"
-    summary = "extra resistance that grows with speed"
     source = "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("speeds",)
     grid = by_name(exponent=(0.5, 1.0, 1.5))
     probe = 0.002
     confounders = ("stribeck", "wall_viscosity", "back_emf")
-    separated_by = "two drive amplitudes; speeds over two decades"
     refined_by = ("level_over_speed",)
 
     coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3, symbol="c")
@@ -43,13 +40,10 @@ class InclineGravity(Effect):
     """Constant force along +x, `m g sin(alpha)` of a tilted lumen."""
 
     id = "incline_gravity"
-    words = "an inclined lumen"
-    summary = "a constant force along the lumen"
     source = "tracing catalogue 13"
     kinds = frozenset({"magnetic", "coil", "vibro", "vibro_table", "pull"})
     probe = 0.002
     confounders = ("directional_asymmetry", "sensor_bias")
-    separated_by = "tilt the rig by a known angle; records at rest"
 
     force_N = number(0.0, "N", -0.5, 0.5, symbol="F_g")
 
@@ -63,8 +57,6 @@ class StressRelaxation(Effect):
     """
 
     id = "stress_relaxation"
-    words = "a stress relaxation of the wall"
-    summary = "a force that builds up while moving and relaxes"
     source = "rat gut SLS, WJG 11:4974; five-element model (Kim)"
     symbols = by_name(stretch_m="q")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
@@ -73,7 +65,6 @@ class StressRelaxation(Effect):
     grid = by_name(time_s=(0.15, 0.4, 1.0, 3.0, 8.0))
     probe = 1.0
     confounders: ClassVar[tuple[str, ...]] = ("viscous_drag", "wall_viscosity", "stribeck")
-    separated_by = "frequency sweep at fixed amplitude; stop and hold"
     refined_by: ClassVar[tuple[str, ...]] = ("further_relaxation",)
 
     stiffness_N_per_m = number(0.0, "N/m", -30.0, 300.0, symbol="k")
@@ -108,8 +99,6 @@ class FluidPlug(Effect):
     """
 
     id = "fluid_plug"
-    words = "a plug of liquid"
-    summary = "liquid piles up ahead of the capsule, so that the drag grows over the way"
     source = "Nonlinear Dyn. 2026, doi 10.1007/s11071-025-12175-z"
     symbols = by_name(swept_m="q")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
@@ -118,7 +107,6 @@ class FluidPlug(Effect):
     grid = by_name(length_m=(0.01, 0.04, 0.15))
     probe = 10.0
     confounders = ("viscous_drag", "lumen_taper", "tissue_drying", "preconditioning", "stress_relaxation")
-    separated_by = "a turn half way: the plug begins anew, a taper or drying goes on; the same way at another speed"
 
     drag_N_s_per_m2 = number(0.0, "N s/m^2", -100.0, 2000.0, symbol="c")
     length_m = number(0.04, "m", 0.003, 1.0, symbol="L")
@@ -191,14 +179,11 @@ class Respiration(ForceInTime):
     """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi f t + phi`."""
 
     id = "respiration"
-    words = "a breathing force"
-    summary = "a force periodic in time, the same everywhere"
     source = "tracing catalogue 15: 0.2 to 0.3 Hz"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("time", "wall")
     grid = by_name(frequency_Hz=frequencies(0.04, 0.82))
     confounders = ("peristaltic_wave", "mains_hum")
-    separated_by = "a second position; a pause of the ventilator"
 
 
 _SPEED = "contractions that travel at 5 to 20 mm/s, 8.6 to 12.5 a minute"
@@ -213,14 +198,11 @@ class PeristalticWave(ForceInTime):
     """
 
     id = "peristaltic_wave"
-    words = "a peristaltic wave"
-    summary = "a force wave that travels along the lumen"
     source = "Kerlin and Phillips 1982: 8.6 to 12.5 a minute; gut 35:625: 59 to 93 mN"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("time", "wall")
     grid = by_name(frequency_Hz=frequencies(0.04, 0.41), wavenumber_per_m=(6.0, 12.0, 19.0, 26.0, 34.0, 43.0))
     confounders = ("respiration", "fold_periodic")
-    separated_by = "a record at rest at two positions"
     refined_by = ("wave_harmonics",)
 
     frequency_Hz = number(0.18, "Hz", 0.03, 0.6)
@@ -239,8 +221,6 @@ class AddedMass(Effect):
     """Force `-m_a a`: fluid or rig mass that moves along."""
 
     id = "added_mass"
-    words = "an added mass"
-    summary = "inertia beyond the capsule's"
     source = "tracing catalogue 16"
     symbols = by_name(acceleration="v'")
     kinds = frozenset({"pull"})
@@ -248,7 +228,6 @@ class AddedMass(Effect):
     states = ("acceleration", "speed")
     probe = 0.01
     confounders = ("actuator_lag",)
-    separated_by = "faster reversals"
 
     mass_kg = number(0.0, "kg", -0.005, 2.0, symbol="m_a")
 
@@ -267,14 +246,11 @@ class SpringOverPosition(Effect):
     """Force `-k x`; the spring's position of rest is part of the axis' constant force."""
 
     id = "spring_over_position"
-    words = "a spring to the frame"
-    summary = "a spring to the frame: a force proportional to the position"
     source = "Hooke's law; balancing springs, cables and hoses of machine axes"
     kinds = frozenset({"axis"})
     needs = ("places",)
     probe = 10.0
     confounders = ("gravity_over_angle", "lumen_taper")
-    separated_by = "hold still at several positions over the whole travel; swing over more than half a turn"
 
     stiffness_N_per_m = number(0.0, "N/m", -1e5, 1e5, symbol="k")
 
@@ -286,14 +262,11 @@ class GravityOverAngle(Effect):
     """Torque `-G sin(x - x_0)`, `G = m g l`: 0 where the weight hangs (x_0), greatest a quarter turn from there."""
 
     id = "gravity_over_angle"
-    words = "a weight on a lever"
-    summary = "the torque of a weight on a lever, over the angle"
     source = "m g l of a lever: statics"
     kinds = frozenset({"axis"})
     needs = ("turning", "places")
     grid = by_name(hanging_rad=(0.0, 0.5 * math.pi))
     confounders = ("spring_over_position", "fold_periodic")
-    separated_by = "swing over more than half a turn; the axis laid so that gravity does no work"
 
     torque_N_m = number(0.0, "N m", -1e3, 1e3, symbol="G")
     hanging_rad = number(0.0, "rad", -7.0, 7.0, role="phase", symbol="x_0")
@@ -308,14 +281,11 @@ class LoadForce(Effect):
     """
 
     id = "load_force"
-    words = "a load that pushes"
-    summary = "a logged load, pressure or temperature acts as a force through an unknown factor"
     source = "statics: a load cell's lever, a piston's area"
     kinds = frozenset({"axis"})
     needs = ("logged",)
     exact = True
     confounders = ("load_dependent_friction", "spring_over_position", "directional_asymmetry")
-    separated_by = "the same motion, both ways, under loads that differ: a force keeps its sign, friction turns with it"
 
     per_load = number(0.0, "N/(N or N m)", -1e9, 1e9, symbol="c")
     slope_per_m = number(0.0, "1/m", -100.0, 100.0, symbol="g")
@@ -330,14 +300,11 @@ class TorqueRipple(Effect):
     """Force `-(A sin q + b_2 sin 2q + c_2 cos 2q)`, `q = 2 pi x/L + phi`: the same both ways and at any speed."""
 
     id = "torque_ripple"
-    words = "a ripple of the drive"
-    summary = "the drive's force varies periodically over the position: poles, screw, gear or eccentricity"
     source = "cogging and commutation of motors: Holtz, IEEE Trans. Ind. Electron. 43 (1996)"
     kinds = frozenset({"axis"})
     needs = ("places",)
     grid = by_name(wavelength_m=tuple(0.003 * 1.13**k for k in range(14)), phase_rad=(0.0, 1.5707963))
     confounders = ("gravity_over_angle", "fold_periodic", "spring_over_position")
-    separated_by = "the axis laid so that gravity does no work; more than one wavelength, both ways at constant speed"
 
     force_N = number(0.0, "N", -1e3, 1e3, symbol="A")
     wavelength_m = number(0.01, "m", 1e-4, 10.0, symbol="L")
@@ -357,8 +324,6 @@ class ElasticDrive(Effect):
     """
 
     id = "elastic_drive"
-    words = "an elastic drive"
-    summary = "a part of the load follows the axis over a spring: two masses"
     source = "two-mass models of drives: Schroeder, Elektrische Antriebe"
     symbols = by_name(stretch_m="e", load_m_s="v_l")
     kinds = frozenset({"axis"})
@@ -367,7 +332,6 @@ class ElasticDrive(Effect):
     needs = ("speeds",)
     grid = by_name(frequency_Hz=(2.0, 4.0, 8.0, 15.0, 25.0))
     confounders: ClassVar[tuple[str, ...]] = ("presliding", "sensor_delay")
-    separated_by = "a chirp through the resonance; a second encoder at the load"
 
     load_kg = number(0.0, "kg", 0.0, 1e4, symbol="m")
     frequency_Hz = number(8.0, "Hz", 0.5, 60.0, symbol="f")
@@ -414,13 +378,10 @@ class DrivePlay(ElasticDrive):
     """
 
     id = "drive_play"
-    words = "play between drive and load"
-    summary = "a part of the load follows the axis over a spring with play: backlash of two masses"
     source = "two-mass models with backlash: Nordin and Gutman, Automatica 38 (2002) 1633"
     kinds = frozenset({"driven_axis"})
     grid = by_name(frequency_Hz=(8.0, 25.0), play_m=(2e-4, 1e-3, 5e-3))
     confounders = ("elastic_drive", "presliding", "carriage_backlash")
-    separated_by = "small and large swings: an elastic drive answers in proportion; a second encoder at the load"
 
     frequency_Hz = number(15.0, "Hz", 0.5, 120.0, symbol="f")
     damping = number(0.4, "1", 0.0, 0.9, spread=0.3, symbol="zeta")

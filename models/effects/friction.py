@@ -40,15 +40,12 @@ class Stribeck(Effect):
     """
 
     id = "stribeck"
-    words = "a Stribeck effect"
-    summary = "extra resistance at low speed that fades as speed grows"
     source = "Stribeck curve; Monatsh. Chem. 2016 for mucus"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("speeds",)
     grid = by_name(speed_m_s=(0.001, 0.003, 0.01))
     by_speed = True
     confounders = ("dwell_adhesion", "viscous_drag")
-    separated_by = "vary the dwell at fixed speed; speeds over two decades"
     refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
 
     excess = number(0.0, "1", -0.8, 3.0, symbol="a")
@@ -63,14 +60,11 @@ class DirectionalAsymmetry(Effect):
     """Scale `1 + a sgn(v)`: constant while sliding, of either sign."""
 
     id = "directional_asymmetry"
-    words = "a directional asymmetry"
-    summary = "resistance differs between forward and backward"
     source = "tracing catalogue 14; EMPS, Janot et al. 2019"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("both_ways",)
     probe = 0.05
     confounders = ("incline_gravity", "sensor_bias")
-    separated_by = "records at rest, where a constant force stays and an asymmetry does not"
     refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
 
     asymmetry = number(0.0, "1", -0.9, 0.9, symbol="a")
@@ -80,20 +74,15 @@ class DirectionalAsymmetry(Effect):
 
 
 class FoldPeriodic(Effect):
-    """Scale `1 + a (sin q + b_2 sin 2q + c_2 cos 2q + b_3 sin 3q + c_3 cos 3q)`, `q = 2 pi x/L + phi`: the same in both
-    directions.
-    """
+    """Scale `1 + a (sin q + b_2 sin 2q + c_2 cos 2q + b_3 sin 3q + c_3 cos 3q)`, `q = 2 pi x/L + phi`, both ways."""
 
     id = "fold_periodic"
-    words = "folds of the gut"
-    summary = "resistance varies periodically along the lumen"
     source = "folds up to 8 mm deep (Gray)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     needs = ("places",)
     grid = by_name(wavelength_m=tuple(0.003 * 1.13**k for k in range(14)), phase_rad=(0.0, 1.5707963))
     probe = 0.05
     confounders = ("lumen_taper", "peristaltic_wave")
-    separated_by = "reverse over the same positions"
     refined_by = ("level_at_onset",)
 
     depth = number(0.0, "1", -0.9, 0.9, symbol="a")
@@ -117,15 +106,12 @@ class LumenTaper(Effect):
     """
 
     id = "lumen_taper"
-    words = "a taper of the lumen"
-    summary = "resistance changes steadily along the lumen"
     source = "tracing catalogue 11, 12"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     needs = ("places",)
     grid = by_name(reach_m=(0.02, 0.2))
     probe = 2.0
     confounders = ("tissue_drying", "stenosis")
-    separated_by = "a return pass over the same positions"
     refined_by = ("level_at_onset",)
 
     slope_per_m = number(0.0, "1/m", -30.0, 30.0, symbol="g")
@@ -151,15 +137,12 @@ class Stenosis(Effect):
     """
 
     id = "stenosis"
-    words = "a stenosis"
-    summary = "resistance is higher at one position"
     source = "tracing catalogue 11"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("places",)
     grid = by_name(width_m=(0.0015, 0.004))
     probe = 0.2
     confounders = ("lumen_taper", "fold_periodic")
-    separated_by = "more passes over the same position, from both sides"
     refined_by = ("level_at_onset",)
 
     excess = number(0.0, "1", -0.9, 6.0, symbol="a")
@@ -181,8 +164,6 @@ class DwellAdhesion(Effect):
     """Scale `1 + b theta`: at rest theta grows as `1 - exp(-t/t_a)`, in motion it fades over the slip length L."""
 
     id = "dwell_adhesion"
-    words = "an adhesion that grows at rest"
-    summary = "a break-away peak that grows with the time at rest"
     source = "rate and state ageing, Dillavou arXiv:1908.02676"
     symbols = by_name(age="theta")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
@@ -190,7 +171,6 @@ class DwellAdhesion(Effect):
     states = ("age",)
     grid = by_name(ageing_time_s=(0.5, 3.0), slip_length_m=(0.0003, 0.002))
     confounders = ("stribeck", "stress_relaxation")
-    separated_by = "slide, hold, slide with holds of 0.1 to 30 s"
     refined_by = ("level_at_onset",)
 
     peak = number(0.0, "1", -0.5, 3.0, symbol="b")
@@ -217,15 +197,12 @@ class Preconditioning(Effect):
     """
 
     id = "preconditioning"
-    words = "preconditioning of the tissue"
-    summary = "resistance falls with distance travelled"
     source = "Terry 2014: 13 cycles; Mullins"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("places",)
     grid = by_name(length_m=(0.03, 0.1))
     probe = 0.05
     confounders = ("tissue_drying",)
-    separated_by = "compare tissue that was passed with new tissue; wait without moving"
     refined_by = ("level_at_onset",)
 
     fall = number(0.0, "1", -1.0, 0.9, symbol="a")
@@ -241,13 +218,10 @@ class TissueDrying(DriftInTime):
     """Scale `1 + b t_e + c t_e^2` of a clock time that settles, also at rest."""
 
     id = "tissue_drying"
-    words = "drying tissue"
-    summary = "resistance drifts with time"
     source = "paper C Section 2.2 (drying in air)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("time",)
     confounders = ("preconditioning", "coupling_fade", "lumen_taper")
-    separated_by = "wait without moving"
     refined_by = ("level_at_onset", "drying_shape")
 
     def level(self, s: Signals, p: Values, z: Values) -> Value:
@@ -258,13 +232,10 @@ class LoadDependentFriction(Effect):
     """Scale `1 + c |N|` of the logged load, in whichever unit; of several a sum, one `growth_per_NAME` each."""
 
     id = "load_dependent_friction"
-    words = "a load-dependent friction"
-    summary = "friction grows with the logged load"
     source = "load-dependent friction of robot joints: Hamon et al. 2010; Bittencourt and Gunnarsson 2012"
     kinds = frozenset({"axis", "friction"})
     needs = ("load",)
     confounders = ("directional_asymmetry", "lumen_taper", "adhesive_contact", "hertzian_contact", "load_force")
-    separated_by = "the same motion under loads that differ by a factor of two and more"
 
     growth_per_load = number(0.0, "1/(N or N m)", -1e3, 1e3, symbol="c")
 
@@ -284,8 +255,6 @@ class Presliding(Effect):
     """
 
     id = "presliding"
-    words = "a presliding friction"
-    summary = "friction turns round over a distance after a reversal, as a spring"
     source = "Dahl, AIAA J. 14 (1976) 1675"
     symbols = by_name(stretch="z")
     kinds = frozenset({"axis"})
@@ -293,7 +262,6 @@ class Presliding(Effect):
     needs = ("reversals",)
     probe = 1e-4
     confounders = ("spring_over_position", "stribeck", "sensor_delay", "elastic_drive")
-    separated_by = "strokes of a few break-away distances, a slow reversal, and rests on either side of one"
 
     distance_m = number(0.0, "m", 0.0, 0.1, symbol="d")
     exponent = number(1.0, "1", 1.0, 3.0, "Dahl: 1; more where springs of many lengths slip one by one", symbol="n")
@@ -320,15 +288,12 @@ class Warming(Effect):
     """
 
     id = "warming"
-    words = "a friction that falls with warmth"
-    summary = "friction falls as the axis warms with its work, or with the logged temperature"
     source = "viscosity of lubricants over temperature; Carlson et al., friction of joints after 1 h of motion"
     kinds = frozenset({"axis"})
     needs = ("places",)
     grid = by_name(length_m=(0.3, 3.0))
     probe = 0.05
     confounders = ("load_force", "load_dependent_friction")
-    separated_by = "a rest of an hour between two like motions: a cold axis begins anew; the same under another load"
 
     fall = number(0.0, "1", -2.0, 0.95, symbol="a")
     length_m = number(1.0, "m", 0.01, 100.0, symbol="L")
@@ -346,14 +311,11 @@ class HertzianContact(Effect):
     """
 
     id = "hertzian_contact"
-    words = "a Hertzian contact"
-    summary = "the coefficient of friction is a power of the load, as the area of a soft contact is"
     source = "Bowden and Tabor: friction goes with the true area; Hertz 1882: N^(2/3), an exponent of -1/3 of the level"
     kinds = frozenset({"friction"})
     needs = ("load",)
     probe = -0.05
     confounders = ("load_dependent_friction", "adhesive_contact")
-    separated_by = "loads over a factor of thirty: adhesion levels off at high loads, a power law does not"
 
     exponent = number(0.0, "1", -0.9, 1.0, symbol="n")
     reference_N = number(1.0, "N", 1e-6, 1e9, fit=False, symbol="N_r")
@@ -363,19 +325,14 @@ class HertzianContact(Effect):
 
 
 class AdhesiveContact(Effect):
-    """A constant load N_0 beside the applied one, `F = mu (N + N_0)`: a coefficient that is referred to the applied
-    load falls as that load grows.
-    """
+    """`F = mu (N + N_0)`: the coefficient that is referred to the applied load N falls as that load grows."""
 
     id = "adhesive_contact"
-    words = "an adhesive contact"
-    summary = "adhesion presses the surfaces together in addition to the load"
     source = "Derjaguin 1934: friction of adhering surfaces, mu (N + N_0)"
     kinds = frozenset({"friction"})
     needs = ("load",)
     probe = 0.02
     confounders = ("load_dependent_friction", "hertzian_contact")
-    separated_by = "loads over a factor of ten, down to none: adhesion leaves friction at no load"
 
     load_N = number(0.0, "N", -10.0, 100.0, symbol="N_0")
 
@@ -389,15 +346,12 @@ class MagnetNormalLoad(Effect):
     """
 
     id = "magnet_normal_load"
-    words = "a magnet that presses on the wall"
-    summary = "the magnet presses the capsule on the wall, the more the nearer it is"
     source = "K. W. Yung et al., Magn. Electr. Sep. 9 (1998) 39: two dipoles attract each other across the gap"
     kinds = frozenset({"magnetic"})
     needs = ("both_ways",)
     grid = by_name(width_m=(0.012, 0.03))
     probe = 0.2
     confounders = ("stribeck", "coupling_decay")
-    separated_by = "the same motion with the magnet at another height: the load changes, the tissue's friction does not"
 
     load_N = number(0.0, "N", 0.0, 5.0, symbol="N_m")
     width_m = number(0.02, "m", 0.003, 0.3, symbol="w")

@@ -10,13 +10,10 @@ class SpringDamping(InnerMassEffect):
     """Force `c xi'` against the relative motion: linear, so the losses forward and backward are equal."""
 
     id = "spring_damping"
-    words = "a damped suspension"
-    summary = "damping of the inner mass's suspension"
     source = "literature 1.1, F_i = k1 r + c r'"
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 0.5
     confounders = ("guide_friction", "viscous_drag")
-    separated_by = "ring-down of the inner mass with the body held: exponential for damping, straight for dry friction"
     refined_by = ("damping_over_speed",)
 
     damping_N_s_per_m = number(0.0, "N s/m", 0.0, 5.0, "up to about half of critical", symbol="c")
@@ -38,13 +35,10 @@ class SpringHardening(InnerMassEffect):
     """
 
     id = "spring_hardening"
-    words = "a hardening spring"
-    summary = "the suspension stiffens with displacement"
     source = "Duffing spring"
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 1.0e5
     confounders = ("end_stop_impact",)
-    separated_by = "two drive amplitudes; a static force-displacement curve of the spring"
 
     cubic_N_per_m3 = number(0.0, "N/m^3", -2.0e5, 1.0e6, "half the linear force at 10 mm", symbol="k_3")
     power = number(3.0, "1", 1.5, 5.0, "a Duffing spring has 3", symbol="n")
@@ -63,12 +57,9 @@ class GuideFriction(InnerMassEffect):
     """Force `F_d xi'/sqrt(xi'^2 + v_0^2)`, v_0 = 2 mm/s: constant against the relative motion, hardly any at rest."""
 
     id = "guide_friction"
-    words = "a dry friction of the guide"
-    summary = "dry friction of the inner mass in its guide"
     source = "Coulomb friction of a plain bearing"
     kinds = frozenset({"vibro", "vibro_table"})
     confounders = ("spring_damping",)
-    separated_by = "ring-down of the inner mass with the body held: straight for dry friction, exponential for damping"
 
     friction_N = number(0.0, "N", 0.0, 0.6, "up to the inner mass's weight", symbol="F_d")
 
@@ -82,14 +73,11 @@ class EndStopImpact(InnerMassEffect):
     """
 
     id = "end_stop_impact"
-    words = "an impact on the end stops"
-    summary = "the inner mass hits a stop"
     source = "literature 1.1, stops k2 and k3"
     kinds = frozenset({"vibro", "vibro_table"})
     grid = by_name(gap_m=(0.002, 0.004, 0.007, 0.012))
     probe = 300.0
     confounders = ("spring_hardening",)
-    separated_by = "two drive amplitudes; the sound of the impacts"
 
     stiffness_N_per_m = number(0.0, "N/m", 0.0, 5e4, "rubber to plastic stops", symbol="k")
     gap_m = number(0.01, "m", 0.0005, 0.03, "travel of the inner mass", symbol="g")

@@ -16,9 +16,7 @@ GROUP: Final = "capsule.effects"
 
 @dataclass(frozen=True)
 class Origin:
-    """An effect and where it came from: a file's name (or a package's), the SHA-256 of what it holds, and the file's
-    path, by which another process reads it again.
-    """
+    """An effect and its origin: name of file or package, SHA-256 of its content, the path by which to read it again."""
 
     effect: type[Effect]
     file: str
@@ -36,9 +34,7 @@ def _read_again(path: Path, name: str) -> Origin:
 
 
 def own_effects(paths: Sequence[Path], ours: Collection[str]) -> tuple[Origin, ...]:
-    """The effects of `paths` and of installed packages, whose ids none of `ours` may have. Raises ValueError, one
-    sentence with the file, where one cannot be used.
-    """
+    """The effects of `paths` and installed packages, of ids that none of `ours` has. Raises ValueError."""
     found = list(_found(paths))
     ids = {*ours, *(origin.effect.id for origin in found if isinstance(origin.effect.id, str))}
     taken = dict.fromkeys(ours, "the catalogue")

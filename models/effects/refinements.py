@@ -28,13 +28,10 @@ class LevelAtOnset(Effect):
     """
 
     id = "level_at_onset"
-    words = "separate friction scales of nose and slip limit"
-    summary = "a nose or a slip limit that a changed resistance leaves as it is"
     source = _SIDES
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = by_name(kept=(1.0,), spared=(0.0, 1.0, -1.0))
     confounders = ("level_over_speed",)
-    separated_by = "runs at one speed over different positions, times or directions"
 
     kept = number(0.0, "1", -0.5, 1.5, _WEIGHT, spread=1.0, symbol="k")
     spared = number(0.0, "1", -1.5, 1.5, _SIDES, spread=1.0, symbol="q")
@@ -50,19 +47,14 @@ def _less(level: Value, share: Value) -> Value:
 
 
 class LevelAtCreep(Effect):
-    """Scale `1 + (e + o sgn(v)) exp(-|v|/v_c)`, at rest with the last direction: the scale in motion comes with the
-    speed.
-    """
+    """Scale `1 + (e + o sgn(v)) exp(-|v|/v_c)`, at rest with the last direction: in motion it comes with the speed."""
 
     id = "level_at_creep"
-    words = "a different friction at creep"
-    summary = "resistance in creep and at rest that differs from the one in motion"
     source = "no law: friction of a body that creeps or rests need not be what it was in the last motion"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     by_speed = True
     probe = 0.02
     confounders = ("stribeck", "dwell_adhesion")
-    separated_by = "rests after motions in both directions"
 
     odd = number(0.0, "1", -0.9, 0.9, spread=0.3, symbol="o")
     even = number(0.0, "1", -0.9, 0.9, spread=0.3, symbol="e")
@@ -86,14 +78,11 @@ class LevelOverSpeed(Effect):
     """
 
     id = "level_over_speed"
-    words = "a free curve of friction over speed"
-    summary = "straight lines between knots at speeds up to 16 mm/s, one curve for each direction"
     source = "no law: a curve through the speeds that the records contain"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     by_speed = True
     probe = 0.02
     confounders = ("stribeck", "viscous_drag", "directional_asymmetry")
-    separated_by = "speeds over two decades"
 
     even_1, even_2, even_3, even_4, even_5, even_6, even_7, even_8 = _knots_of("e")
     odd_1, odd_2, odd_3, odd_4, odd_5, odd_6, odd_7, odd_8 = _knots_of("o")
@@ -111,15 +100,12 @@ class DryingShape(Effect):
     """Scale `1 + d_3 u^3 + d_4 u^4 + d_5 u^5`, `u = t_e(t)/t_e(60 s)` of the drying's own time; never below 0.05."""
 
     id = "drying_shape"
-    words = "a free curve of the drying"
-    summary = "third to fifth powers of the time in the drift of the resistance"
     source = "no law: a drift settles in its own way"
     symbols = by_name(**TissueDrying.letters())
     kinds = TissueDrying.kinds
     of = TissueDrying.id
     probe = 0.01
     confounders = (TissueDrying.id,)
-    separated_by = "longer records"
 
     third, fourth, fifth = (number(0.0, "1", -1.0, 1.0, spread=0.1, symbol=f"d_{k}") for k in (3, 4, 5))
 
@@ -135,15 +121,12 @@ class WaveHarmonics(Effect):
     """Force `A (sum of b_k sin kq + c_k cos kq)` along +x, k from 5 to 8, with A and q of the peristaltic wave."""
 
     id = "wave_harmonics"
-    words = "higher harmonics of the wave"
-    summary = "the fifth to eighth harmonics of a wave"
     source = "no law: contractions that begin and end sharply have harmonics that fall with the square of their order"
     symbols = by_name(**PeristalticWave.letters())
     kinds = PeristalticWave.kinds
     of = PeristalticWave.id
     probe = 0.02
     confounders = ("peristaltic_wave",)
-    separated_by = "many contractions at one position"
 
     fifth_sin, fifth_cos, sixth_sin, sixth_cos, seventh_sin, seventh_cos, eighth_sin, eighth_cos = (
         number(0.0, "1", -0.3, 0.3, spread=0.05, symbol=f"{letter}_{k}") for k in _ORDERS for letter in "bc"
@@ -158,12 +141,9 @@ class FurtherRelaxation(StressRelaxation):
 
     id = "further_relaxation"
     symbols = by_name(stretch_m="q_2")
-    words = "a second relaxation time"
-    summary = "a second Maxwell branch beside the first"
     source = "generalised Maxwell model: soft tissue relaxes with more than one time (Fung, Biomechanics, ch. 7)"
     grid = by_name(time_s=(0.3,))
     confounders = (StressRelaxation.id,)
-    separated_by = "stops of very different length"
     refined_by = ()
 
     stiffness_N_per_m = number(0.0, "N/m", -100.0, 300.0, symbol="k_2")
@@ -176,8 +156,6 @@ class FurtherLag(ActuatorLag):
     """Lag `tau_2 u' = u_cmd - u` of what the first lag lets through."""
 
     id = "further_lag"
-    words = "a second lag of the drive"
-    summary = "the command passes a second first-order lag"
     source = "a current loop under a position loop: drives are of second order or more"
     grid = by_name(time_s=(0.03,))
     confounders = ("actuator_lag", "sensor_delay")
@@ -190,8 +168,6 @@ class FurtherLowpass(SensorLowpass):
     """Reading `tau_2 y' = y_0 - y` of what the first low-pass lets through."""
 
     id = "further_lowpass"
-    words = "a second low-pass of the sensor"
-    summary = "a second smoothing of the measurement"
     source = "an amplifier's filter before a digital one: smoothing is of second order or more"
     confounders = ("sensor_lowpass", "sensor_delay")
     refined_by = ()
@@ -203,15 +179,12 @@ class ViscosityThinning(Effect):
     """Wall force `c u_w' ((1 + (u_w'/w_0)^2)^(n/2) - 1)` beside `c u_w'`: together Carreau's law with one plateau."""
 
     id = "viscosity_thinning"
-    words = "a shear-thinning wall"
-    summary = "the viscosity of the wall falls with the rate of stretch"
     source = "Carreau's law of a viscosity that changes with the rate, Trans. Soc. Rheol. 16 (1972) 99"
     symbols = by_name(viscosity_N_s_per_m="c")
     kinds = WallViscosity.kinds
     of = WallViscosity.id
     grid = by_name(power=(0.0,), rate_m_s=(2e-3,))
     confounders = (WallViscosity.id,)
-    separated_by = "speeds over two decades"
 
     power = number(0.0, "1", -0.9, 0.5, spread=0.3, symbol="n")
     rate_m_s = number(2e-3, "m/s", 1e-4, 2e-2, symbol="w_0")
@@ -230,13 +203,10 @@ class DampingOverSpeed(InnerMassEffect):
     """
 
     id = "damping_over_speed"
-    words = "a free curve of damping over speed"
-    summary = "straight lines between knots at speeds of the inner mass up to 0.8 m/s"
     source = "no law: a curve through the speeds that the records contain"
     kinds = frozenset({"vibro"})
     probe = 0.05
     confounders = ("spring_damping", "guide_friction")
-    separated_by = "ring-down of the inner mass from several amplitudes"
 
     c_1, c_2, c_3, c_4 = (number(0.0, "N s/m", -2.0, 2.0, spread=0.2) for _ in range(4))
 

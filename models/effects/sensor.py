@@ -13,13 +13,10 @@ class SensorBias(Effect):
     """Reading `y_0 + b`."""
 
     id = "sensor_bias"
-    words = "an offset of the sensor"
-    summary = "the sensor's zero is off"
     source = "tracing catalogue 24"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.001
     confounders = ("incline_gravity", "directional_asymmetry")
-    separated_by = "a reading without load"
 
     bias = number(0.0, "of the measured unit", -0.5, 0.5, symbol="b")
 
@@ -31,13 +28,10 @@ class SensorScale(Effect):
     """Reading `(1 + epsilon) y_0`."""
 
     id = "sensor_scale"
-    words = "a gain error of the sensor"
-    summary = "the sensor's gain is off"
     source = "tracing catalogue 24"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.02
     confounders = ("small_strain_stiffening",)
-    separated_by = "a known load; a known distance"
 
     error = number(0.0, "1", -0.5, 0.5, symbol="epsilon")
 
@@ -49,19 +43,14 @@ _WARMING = "an amplifier warms up within a minute, then drifts on"
 
 
 class SensorDrift(Effect):
-    """Reading `y_0 + c (t + k t_w (1 - exp(-t/t_w)))`: a rate c, at first `1 + k` times as much while the sensor warms
-    up.
-    """
+    """Reading `y_0 + c (t + k t_w (1 - exp(-t/t_w)))`: a rate c, at first `1 + k` times as much, as it warms up."""
 
     id = "sensor_drift"
-    words = "a drifting sensor"
-    summary = "the sensor's zero drifts"
     source = "tracing catalogue 24"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("time",)
     probe = 1e-05
     confounders = ("tissue_drying", "respiration")
-    separated_by = "a reference stop; two sensors"
 
     rate_per_s = number(0.0, "of the measured unit/s", -0.01, 0.01, symbol="c")
     quicker = number(0.0, "1", -1.0, 30.0, _WARMING, spread=5.0, symbol="k")
@@ -76,13 +65,10 @@ class SensorDelay(Effect):
     """Reading `y_0(t - d)`."""
 
     id = "sensor_delay"
-    words = "a delayed sensor"
-    summary = "the measurement is late"
     source = "tracing catalogue 25"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     probe = 0.005
     confounders = ("sensor_lowpass", "actuator_lag")
-    separated_by = "a time-stamped edge; the phase is linear in frequency"
 
     delay_s = number(0.0, "s", 0.0, 0.5, symbol="d")
 
@@ -94,8 +80,6 @@ class SensorLowpass(Effect):
     """Reading `tau y' = y_0 - y`."""
 
     id = "sensor_lowpass"
-    words = "a slow sensor"
-    summary = "the measurement is smoothed"
     source = "tracing catalogue 26"
     symbols = by_name(smooth="y")
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
@@ -103,7 +87,6 @@ class SensorLowpass(Effect):
     follows = by_name(smooth="position")
     probe = 0.005
     confounders: ClassVar[tuple[str, ...]] = ("sensor_delay",)
-    separated_by = "the phase saturates at 90 degrees"
     refined_by: ClassVar[tuple[str, ...]] = ("further_lowpass", "sensor_delay")
 
     time_s = number(0.0, "s", 0.0, 0.5, symbol="tau")
@@ -124,15 +107,12 @@ class MainsHum(Effect):
     """Reading `y_0 + A sin(2 pi f t + phi)`."""
 
     id = "mains_hum"
-    words = "a mains hum"
-    summary = "mains frequency on the signal"
     source = "paper C Section 2.3 (power frequency interference)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = by_name(frequency_Hz=(50.0, 60.0), phase_rad=(0.0, 1.5707963))
     probe = 0.0001
     needs = ("samples",)
     confounders = ("respiration",)
-    separated_by = "a record with the drive off"
 
     hum = number(0.0, "of the measured unit", -0.05, 0.05, symbol="A")
     frequency_Hz = number(50.0, "Hz", 49.0, 61.0, symbol="f")

@@ -11,15 +11,12 @@ class WallViscosity(Effect):
     """Wall force `c u_w'` beside the tension; the wall slips by its tension alone."""
 
     id = "wall_viscosity"
-    words = "a viscous wall"
-    summary = "wall tension depends on the rate of stretch"
     source = "rat gut SLS, WJG 11:4974"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "periods"})
     needs = ("speeds",)
     probe = 0.3
     confounders = ("viscous_drag", "small_strain_stiffening")
     refined_by = ("viscosity_thinning",)
-    separated_by = "frequency sweep at fixed amplitude; the force while the wall draws back"
 
     viscosity_N_s_per_m = number(0.0, "N s/m", -1.0, 30.0, symbol="c")
 
@@ -39,14 +36,11 @@ class SmallStrainStiffening(Effect):
     """
 
     id = "small_strain_stiffening"
-    words = "a wall stiffer at small strain"
-    summary = "the wall is stiffer at small, fast stretch than its quasi-static law"
     source = "paper A Table 2 against A Eq. 1, 3, 12: eight periods, 2.6 times stiffer below 0.1 mm"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "periods"})
     grid = by_name(scale_m=(5e-5, 1e-4, 2e-4, 6e-4), tail=(0.3,))
     probe = 0.3
     confounders = ("wall_viscosity", "exponential_recovery")
-    separated_by = "pulls at several speeds; step and hold of 0.05 and 0.5 mm"
 
     excess = number(0.0, "1", -0.8, 7.0, symbol="a")
     scale_m = number(2e-4, "m", 2e-5, 2e-3, "between A's 0.03 mm and the mm of quasi-static tests", symbol="u_0")
@@ -64,12 +58,9 @@ class ExponentialRecovery(Effect):
     """Speed `v_i0 (1 - q + q m |u_w|/u_c)`: constant at q = 0, exponential with `t_r/m` at q = 1."""
 
     id = "exponential_recovery"
-    words = "an exponential recovery of the wall"
-    summary = "the wall draws back exponentially"
     source = "paper A Section 3.2 (real contraction is nonlinear)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     confounders = ("wall_viscosity",)
-    separated_by = "the shape of the falling edge at high sampling rate"
 
     share = number(0.0, "1", -0.5, 1.5, symbol="q")
     times = number(3.0, "1", 0.5, 10.0, "95 % of an exponential within t_r", spread=1.0, symbol="m")
@@ -89,13 +80,10 @@ class BroadRelaxation(Effect):
     """
 
     id = "broad_relaxation"
-    words = "a broad relaxation spectrum"
-    summary = "a relaxation spectrum broader than two Maxwell branches"
     source = "fractional Kelvin-Voigt solid; soft tissue exponents 0.1 to 0.4"
     kinds = frozenset({"dma"})
     grid = by_name(exponent=(0.1, 0.25, 0.4, 0.6))
     probe = 1e4
-    separated_by = "frequencies over three decades"
 
     stiffness_Pa = number(0.0, "Pa", 0.0, 1e7, symbol="K")
     exponent = number(0.25, "1", 0.02, 0.6, symbol="alpha")

@@ -116,9 +116,7 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def draft(path: Path, data: bytes) -> Path:
-    """A file beside `path` with `data`, readable by the user's umask, to be moved to `path`. Leaves nothing where it
-    raises OSError.
-    """
+    """A file beside `path` with `data`, to be moved there; leaves nothing where it raises OSError."""
     made = path.with_name(f".{path.name}.{uuid4().hex[:12]}")
     with writing(path):
         handle = os.open(made, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)

@@ -14,19 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from models.files import csv_text
 from models.files.access import WINDOWS, encoding_of, opened
-from models.files.csv_text import (
-    LONGEST_TOP,
-    SPACES,
-    clock_s,
-    find_header,
-    may_group,
-    over_midnight,
-    split,
-    to_number,
-    ungrouped,
-    unguarded,
-)
 from models.files.lvm import as_table
 
 ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat", ".lvm") for packed in ("", ".gz"))
@@ -42,9 +31,7 @@ _START = 1 << 16  # bytes from which the encoding is recognised
 
 @dataclass(frozen=True)
 class CsvTable:
-    """Columns of numbers: `values` (rows, columns) under the `header`, the file's line number of each row, and the
-    units that the file states by column.
-    """
+    """Columns `values` (rows, columns) under the `header`, the file's line of each row, the units stated by column."""
 
     header: list[str]
     units: Mapping[str, str]
@@ -71,14 +58,14 @@ def read_table(
     but for `MISSING` cells of `gaps`. Other cells that are no numbers become NaN. Separators are comma, semicolon, tab
     or spaces (all but the comma allow a decimal comma). UTF-8, UTF-16, UTF-32, Windows-1252, gzip are recognised, also
     lines above the header, which has one of `names`, and a row of units below it. Columns among `clocks` may hold dates
-    and times of day (`clock_s`). Further columns of one name are numbered (`Time`, `Time 2`), but for those of `once`.
+    and times of day. Further columns of one name are numbered (`Time`, `Time 2`), but for those of `once`.
     """
     with _opened(path) as text:
         lines = _lines(path, text)
         if path.name.lower().removesuffix(".gz").endswith(".lvm"):
             lines = as_table(str(path), lines)
-        top = list(islice(lines, LONGEST_TOP))
-        form = find_header([line for _, line in top], names)
+        top = list(islice(lines, csv_text.LONGEST_TOP))
+        form = csv_text.find_header([line for _, line in top], names)
         if form is None:
             raise ValueError(f"{path}: record must have a header row and samples; got an empty file")
         header, bare = _header(path, form.line, form.separator, once)
@@ -163,11 +150,11 @@ def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[tuple[int, str]]:
 
 def _header(path: Path, line: str, separator: str, once: Collection[str]) -> tuple[list[str], bool]:
     """The names of the columns, and whether they are ours, for a file that begins with numbers."""
-    header = [unguarded(name.strip().strip('"').strip()) for name in _split(f"{path}, header", line, separator)]
+    header = [csv_text.bare(name) for name in _split(f"{path}, header", line, separator)]
     if len(header) > MOST_COLUMNS:
         raise ValueError(f"{path}: header must have at most {MOST_COLUMNS} columns; got {len(header)}")
     named = [name for name in header if name]
-    if all(not np.isnan(clock_s(name.replace(",", "."))) for name in named):
+    if all(not np.isnan(csv_text.clock_s(name.replace(",", "."))) for name in named):
         return [f"column {number}" for number in range(1, len(header) + 1)], True
     twice = [name for name in named if name in once and named.count(name) > 1]
     if twice:
@@ -188,7 +175,7 @@ def _numbered(header: Sequence[str]) -> list[str]:
 
 def _split(where: str, line: str, separator: str) -> list[str]:
     try:
-        return split(line, separator)
+        return csv_text.split(line, separator)
     except csv.Error as error:
         raise ValueError(f"{where}: row must be plain CSV; got: {error}") from None
 
@@ -209,10 +196,10 @@ class _Rows:
     last_stamp: float = math.nan
 
     def take(self, block: list[tuple[int, str]]) -> None:
-        grouped, plain = may_group([line for _, line in block], self.separator), block
+        grouped, plain = csv_text.may_group([line for _, line in block], self.separator), block
         if self.separator != ",":
             plain = [(number, self._pointed(line)) for number, line in block]
-        separator, shape = None if self.separator == SPACES else self.separator, (len(block), len(self.header))
+        separator, shape = None if self.separator == csv_text.SPACES else self.separator, (len(block), len(self.header))
         values = np.zeros(shape)
         try:
             if grouped:
@@ -234,12 +221,12 @@ class _Rows:
     def _by_cell(self, block: list[tuple[int, str]]) -> NDArray[np.float64]:
         """The numbers of a block, NaN where a cell is none, stamps in s."""
         rows = [self._cells(number, line) for number, line in block]
-        columns = [ungrouped(column, self.separator) for column in zip(*rows, strict=True)]
-        values = np.array([[to_number(cell) for cell in column] for column in columns]).T
+        columns = [csv_text.ungrouped(column, self.separator) for column in zip(*rows, strict=True)]
+        values = np.array([[csv_text.to_number(cell) for cell in column] for column in columns]).T
         for column, name in enumerate(self.header):
             if name in self.clocks and np.isnan(values[:, column]).any():
-                stamps = np.array([clock_s(self._pointed(row[column])) for row in rows])
-                values[:, column] = over_midnight(stamps, self.last_stamp)
+                stamps = np.array([csv_text.clock_s(self._pointed(row[column])) for row in rows])
+                values[:, column] = csv_text.over_midnight(stamps, self.last_stamp)
                 self.last_stamp = float([self.last_stamp, *stamps[np.isfinite(stamps)]][-1])
         return values
 
@@ -257,6 +244,6 @@ class _Rows:
         needed = [column for column, name in enumerate(self.header) if name in self.needed]
         for row, column in np.argwhere(~np.isfinite(values[:, needed])):
             name, (number, line) = self.header[needed[column]], block[row]
-            cell = split(line, self.separator)[needed[column]].strip()
+            cell = csv_text.split(line, self.separator)[needed[column]].strip()
             if cell.lower() not in MISSING or name not in self.gaps:
                 raise ValueError(f"{self.where}, line {number}: {name} must be a finite number; got {cell[:40]!r}")

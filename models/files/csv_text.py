@@ -83,10 +83,14 @@ def split(line: str, separator: str) -> list[str]:
     return next(csv.reader([line], delimiter=separator, skipinitialspace=separator == SPACES), [])
 
 
+def bare(cell: str) -> str:
+    return unguarded(cell.strip().strip('"').strip())
+
+
 def cells(line: str, separator: str) -> list[str]:
     """The cells of a line without spaces and quotes; none of a line that cannot be split."""
     try:
-        return [unguarded(cell.strip().strip('"').strip()) for cell in split(line, separator)]
+        return list(map(bare, split(line, separator)))
     except csv.Error:
         return []
 

@@ -21,9 +21,7 @@ def beside(file: str, name: str) -> dict[str, Any]:
 
 
 def toml_text(tables: Mapping[str, Any], path: str = "") -> str:
-    """`tables` as TOML that reads back as the same, with bare keys; values are numbers, booleans, text, or lists of
-    these or of tables.
-    """
+    """`tables` as TOML that reads back as the same, with bare keys; values may be lists, also of tables."""
     values = {key: value for key, value in tables.items() if not isinstance(value, Mapping)}
     lines = [f"[{path}]"] if path and (values or not tables) else []
     lines += [f"{key} = {_value(value)}" for key, value in values.items()]

@@ -1,15 +1,16 @@
 """Units as people and instruments write them, and the factors between them.
 
-A table of our own: pint takes `g` for a mass and an angle for a plain number, and reads no words in any case, brackets
-or endings of column names.
+`units.toml` is a table of our own: pint takes `g` for a mass and an angle for a plain number, and reads no words in
+any case, brackets or endings of column names.
 """
 
 import difflib
-import math
 import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
@@ -22,52 +23,23 @@ class Unit:
     factor: float
 
 
-GRAVITY: Final = 9.80665  # m/s2, standard
-# of SI
-_PREFIXES: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "k": 1e3, "M": 1e6, "G": 1e9}
-_BY_WORD: Final = {"": "", "nano": "n", "micro": "u", "milli": "m", "m": "m", "centi": "c", "kilo": "k", "mega": "M"}
-_PREFIXED: Final = {
-    **{symbol: Unit(symbol, 1.0) for symbol in ("m", "s", "N")},
-    **{symbol: Unit("N", 1e-3 * GRAVITY) for symbol in ("g", "gf")},
-    **{symbol: Unit(symbol, 1.0) for symbol in ("A", "V", "Hz", "Pa")},
-    "bar": Unit("Pa", 1e5),
-    **{symbol: Unit("Nm", 1.0) for symbol in ("Nm", "N_m", "N m", "N*m", "N·m")},
-    "rad": Unit("rev", 0.5 / math.pi),
-}
-_PLAIN: Final = {
-    **{symbol: Unit("m", 0.0254) for symbol in ("in", "inch", '"')},
-    "ft": Unit("m", 0.3048),
-    "micron": Unit("m", 1e-6),
-    "min": Unit("s", 60.0),
-    "h": Unit("s", 3600.0),
-    "lbf": Unit("N", 4.4482216152605),
-    "psi": Unit("Pa", 6894.757293168),
-    **{symbol: Unit("rev", 1 / 360) for symbol in ("deg", "°")},
-    "rev": Unit("rev", 1.0),
-    "rpm": Unit("Hz", 1 / 60),
-    **{symbol: Unit("s2", 1.0) for symbol in ("s2", "s^2", "s²")},
-    "gn": Unit("m/s2", GRAVITY),
-    "%": Unit("", 0.01),
-    "1": Unit("", 1.0),
-}
-_WORDS: Final = {
-    "meter": "m", "metre": "m", "second": "s", "sec": "s", "minute": "min", "hour": "h", "newton": "N", "gram": "g",
-    "ampere": "A", "amp": "A", "volt": "V", "hertz": "Hz", "pascal": "Pa", "radian": "rad", "degree": "deg",
-    "revolution": "rev", "turn": "rev", "inch": "in", "percent": "%",
-}  # fmt: skip
+_TABLES: Final = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 _RATES: Final = {"rev/s": "Hz", "/s": "Hz"}  # quotients that have a name
 
 
 def _table() -> Mapping[str, Unit]:
+    prefixes, of_words = _TABLES["prefixes"]["symbols"], _TABLES["prefixes"]["words"]
     symbols = {
-        prefix + symbol: Unit(unit.dimension, factor * unit.factor)
-        for symbol, unit in _PREFIXED.items()
-        for prefix, factor in _PREFIXES.items()
-    } | _PLAIN
+        prefix + symbol: Unit(dimension, size * factor)
+        for table, sizes in (("prefixed", prefixes), ("plain", {"": 1.0}))
+        for dimension, factor, spellings in _TABLES[table].values()
+        for symbol in spellings
+        for prefix, size in sizes.items()
+    }
     words = {
         prefix + word + plural: symbols[letter + symbol]
-        for word, symbol in _WORDS.items()
-        for prefix, letter in _BY_WORD.items()
+        for word, symbol in _TABLES["words"].items()
+        for prefix, letter in of_words.items()
         for plural in ("", "s")
         if letter + symbol in symbols
     }
@@ -95,9 +67,7 @@ def unit(text: str) -> Unit | None:
 
 
 def factor(text: str, target: str) -> float | None:
-    """Factor from the unit `text` to the unit `target` ("" for a plain number); None where the first is unknown or
-    measures something else.
-    """
+    """Factor from the unit `text` to `target` ("": a plain number); None where one is unknown or another measure."""
     found, wanted = unit(text), unit(target or "1")
     if found is None or wanted is None or found.dimension != wanted.dimension:
         return None
@@ -123,9 +93,7 @@ _ENDING: Final = re.compile(r"(?:\s*[/,:]\s*|\s+in\s+|[\s_.]+)")
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """A column's name and its unit, "" for none: `Position [mm]`, `F / mN`, `pos_mm`. Brackets at the end count as a
-    unit, even an unknown one.
-    """
+    """A column's name and unit, "" for none: `Position [mm]`, `F / mN`, `pos_mm`; in brackets also an unknown one."""
     bracketed = _BRACKETS.fullmatch(name)
     if bracketed and bracketed[1].strip() and not bracketed[2].isdigit():
         return bracketed[1].strip(), bracketed[2].strip()
@@ -147,9 +115,7 @@ _WRITTEN: Final = {"C": "degC", "percent": "%"}
 
 
 def unit_at_end(name: str) -> tuple[str, str]:
-    """A name of ours and the unit that it ends in as printed, "" for none: `speed_m_s` (m/s), `torque_N_m` (N m),
-    `stiffness_N_per_m` (N/m).
-    """
+    """A name of ours and the unit it ends in as printed, "" for none: `speed_m_s` (m/s), `stiffness_N_per_m` (N/m)."""
     found = _UNIT_AT_END.fullmatch(name)
     if found is None or not (found[2] or found[3]):
         return name, ""

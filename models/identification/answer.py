@@ -20,7 +20,6 @@ from models.identification.finding import (
     CandidateRow,
     Check,
     Column,
-    Dependence,
     Finding,
     Fitted,
     FoundEffect,
@@ -36,7 +35,6 @@ from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.parameter import Name
 from models.records.record import Record
-from models.theta import Theta
 from models.words.sentences import Sentences, sentence
 
 TEXT: Final = Sentences(__file__)
@@ -73,6 +71,7 @@ def answer(
     base, chance = kind.nominal() | found.calibrated.theta, (found.threshold, found.null_cost)
     sizes = least_sizes(kind, beginnings(kind, kind.searched(train)), base, *chance) if drawn else {}
     proposal = _proposal(prepared, found, train, seed, verdict, sizes)
+    dependence = dependence_of(kind, train, theta, seed) if drawn and verdict == "unknown" else None
     wanted = (words_of(proposal), report.next_experiment(kind, theta, train, found.equivalent))
     return Finding(
         kind=kind.name,
@@ -107,7 +106,7 @@ def answer(
         cannot_show={**prepared.cannot_show, **without_size(kind, sizes)},
         reasons=_reasons(verdict, judged.checks, judged.findings),
         proposal=proposal,
-        dependence=_depends(kind, found, train, theta, seed) if drawn and verdict == "unknown" else None,
+        dependence=dependence and followed_inside(kind, found, train, dependence),
         declared=prepared.declared,
         leading=_leading(choice),
         disagreeing=disagreements(kind, found.augmented, found.model, train) if drawn else (),
@@ -125,12 +124,6 @@ def _beside(kind: AnyKind, predicted: Predicted, train: Sequence[Record]) -> dic
         one = kind.alone(name)
         found[name] = Column(one.measure, one.unit, predicted.beside[name], one.noise_floor(train))
     return found
-
-
-def _depends(kind: AnyKind, found: Search, train: Sequence[Record], theta: Theta, seed: int) -> Dependence | None:
-    """What the residual depends on, with the term of a spline inside the simulation where one gains."""
-    dependence = dependence_of(kind, train, theta, seed)
-    return dependence and followed_inside(kind, found, train, dependence)
 
 
 def _leading(choice: Choice) -> tuple[str, ...]:
@@ -155,13 +148,13 @@ def _proposal(
     """
     kind, hidden, rng = prepared.kind, prepared.hidden, np.random.default_rng(seed)
     base, records = kind.nominal() | found.calibrated.theta, kind.searched(train)
-    read = [record.beginning(SET.plan_read_s / len(records)) for record in records]
+    much = unshown(kind, sizes) if verdict == "none" and sizes else []
+    read = [record.beginning(SET.plan_read_s / len(records)) for record in records] if much else []
 
     def unseen(effects: Sequence[type[Effect]], series: Sequence[Record]) -> list[type[Effect]]:
         one = replace(kind, effects=tuple(effects))
         return unshown(one, least_sizes(one, series, base, found.threshold, found.null_cost)) if effects else []
 
-    much = unshown(kind, sizes) if verdict == "none" and sizes else []
     much = unseen(much, read)
     shown = shown_with(prepared.rig, train, hidden) if hidden or much or verdict == "unknown" else None
 

@@ -80,9 +80,7 @@ class _Own:
         return self.all - self.rest.cost - len(self.residual)
 
     def found(self, count: int) -> Disagreement | None:
-        """What the record disagrees by, among `count` records: one of the parameters, or of the effects that would show
-        most in it; None where nothing explains enough beyond chance.
-        """
+        """What the record disagrees by, a parameter or an effect that shows most in it; None for chance."""
         kind, here = self.kind, self.rest.theta
         candidates = [(axis, self.model, here) for axis in axes(kind, self.model)]
         screened = screen(kind, [self.record], self.model, here)
@@ -97,9 +95,7 @@ class _Own:
         return next(filter(None, told), None)
 
     def _fit(self, axis: FreeParameter, model: tuple[str, ...], start: Theta) -> Fit:
-        """The record fitted from `start` by the one value alone: tried over a wide range on its beginning, where few
-        slip events are out of step, and ever closer to the best on longer parts.
-        """
+        """The record fitted by one value alone: over a wide range on its beginning, ever closer on longer parts."""
         p, whole = axis.parameter, Fitter.of(self.kind, [self.record], model, self.kind.final)
         width, best = SET.disagree_reach * axis.scale, [start[axis.name], self._value(axis)]
         for _, parts in lengths(self.kind, [self.record]):
@@ -114,9 +110,7 @@ class _Own:
         return self.rest.theta.get(axis.name, 0.0)
 
     def _within_accuracy(self) -> float:
-        """The record's cost where each parameter is the others' within the accuracy of a minimum: a slip event that the
-        fit of all misses on the record shows no other parameter.
-        """
+        """The record's cost where each parameter is the others' within the accuracy of a minimum."""
         narrow = []
         for axis in axes(self.kind, self.model):
             p, at = axis.parameter, self._value(axis)

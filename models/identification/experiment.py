@@ -116,9 +116,7 @@ def question(
 
 
 def root_of(kind: Kind, fit: Fit, effects: Sequence[str], variance: float) -> Array:
-    """A square root (p, p) of the covariance of the fitted values, in the order of the axes; `variance` in units of the
-    noise's.
-    """
+    """A square root (p, p) of the covariance of the fitted values; `variance` in units of the noise's."""
     scale = np.array([axis.scale for axis in axes(kind, effects)])
     rows = fit.jacobian * scale / np.sqrt(variance)
     values, vectors = np.linalg.eigh(rows.T @ rows + np.eye(len(scale)) / SET.question_widest**2)

@@ -221,9 +221,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Disagreement:
-    """A training `record` that the others do not agree with: in it the parameter, or the amplitude of the effect, `by`
-    is off theirs by `shift`.
-    """
+    """A training `record` with which others disagree: a parameter, or an amplitude, `by` is off by `shift`."""
 
     record: str
     by: str

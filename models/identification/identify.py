@@ -10,6 +10,7 @@ import numpy as np
 from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show, inseparable
 from models.checks.finding import RecordFinding
+from models.identification import verdict
 from models.identification.answer import answer
 from models.identification.finding import STAGES, Check, Finding, Trace
 from models.identification.fitting.confidence import intervals
@@ -26,17 +27,6 @@ from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.identification.thinning import said_of, slower, thinned
 from models.identification.validity import Ranges, ranges_of
-from models.identification.verdict import (
-    at_bounds,
-    checks_of_model,
-    checks_of_rest,
-    periods_of,
-    setback_findings,
-    setbacks,
-    unexplained,
-    unshown,
-    verdict_of,
-)
 from models.records.record import Record
 from models.rigs.rig import Rig
 from models.words.sentences import Quantity, Sentences
@@ -87,7 +77,7 @@ def close(
     joined = list[Record]()
     for again in (True, False):
         found = search(prepared.kind, train, progress, np.random.default_rng(seed), most, began + budget_s)
-        worse, outside = unexplained(prepared.kind, found, others)
+        worse, outside = verdict.unexplained(prepared.kind, found, others)
         if not (worse and again) or found.ended == "time":
             break
         joined, train = [*joined, *worse], [*train, *worse]
@@ -201,19 +191,20 @@ def judge(
     """
     kind, fit, rng = prepared.kind, found.augmented, np.random.default_rng(seed)
     fitted = intervals(kind, fit, found.model, found.parts)
-    rest, floor = checks_of_rest(kind, found, train, holdout, rng), kind.noise_floor(holdout or train)
-    worse, last = setbacks(error, floor, kind.error_unit), "augmented" if found.effects else "calibrated"
+    rest, floor = verdict.checks_of_rest(kind, found, train, holdout, rng), kind.noise_floor(holdout or train)
+    worse, last = verdict.setbacks(error, floor, kind.error_unit), "augmented" if found.effects else "calibrated"
     said = {stage: sentence for stage, sentence in worse.items() if found.effects or stage != "augmented"}
-    bounds = {"calibrated": at_bounds(kind, found.calibrated, []), "augmented": at_bounds(kind, fit, found.model)}
+    fits = {"calibrated": (found.calibrated, []), "augmented": (fit, found.model)}
+    bounds = {stage: verdict.at_bounds(kind, *one) for stage, one in fits.items()}
     beyond = any(check.id == "held_out" and not check.ok for check in rest)
-    findings = (*setback_findings(said, holdout, bounds, last if beyond else None), *prepared.findings)
-    periods = periods_of(kind, found.effects, fit.theta, train)
-    open_ = unshown(kind, found.effects, fit.theta, train)
+    findings = (*verdict.setback_findings(said, holdout, bounds, last if beyond else None), *prepared.findings)
+    periods = verdict.periods_of(kind, found.effects, fit.theta, train)
+    open_ = verdict.unshown(kind, found.effects, fit.theta, train)
     fitted |= {
         name: replace(fitted[name], ci95=ends, identifiable=False) for name, ends in open_.items() if name in fitted
     }
-    checks = (*rest, *more, *checks_of_model(kind, found, fitted, error, findings, periods))
-    return Judged(verdict_of(found.effects, checks), checks, findings, fitted, floor, worse)
+    checks = (*rest, *more, *verdict.checks_of_model(kind, found, fitted, error, findings, periods))
+    return Judged(verdict.verdict_of(found.effects, checks), checks, findings, fitted, floor, worse)
 
 
 def _model(

@@ -95,9 +95,7 @@ class _Inner:
         return fit
 
     def curve_on(self, records: Sequence[Record], theta: Theta) -> ResidualCurve:
-        """The spline that is fitted to all `records`, as a curve with the 95 % intervals of its heights beside their
-        mean, which the base may have instead.
-        """
+        """The spline fitted to all `records`, with 95 % intervals beside their mean, which the base may have."""
         fit = self.fit(records, theta, self.kind.final)
         values = np.array([fit.theta[ID, name] for name in self.heights])
         wide, count = max(fit.chi2, 1.0) * memory(fit.residual), len(values)

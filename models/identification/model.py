@@ -19,7 +19,7 @@ from pydantic import ConfigDict, Field, Strict, StringConstraints, ValidationErr
 from models.assembly.model import effect_parameters
 from models.effects import CATALOGUE, REFINEMENTS, Catalogue
 from models.files.access import read_json, read_text
-from models.files.toml import parse_toml, shown, toml_text
+from models.files.toml import in_file, parse_toml, shown, toml_text
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for, ready
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
@@ -41,18 +41,15 @@ def read_model(path: Path, kind: str, *others: str, whole: bool = True, catalogu
     one sentence where it is none. A caller that checks later that it is `whole` can report other errors first.
     """
     text = read_text(path, "model", LARGEST_MODEL)
-    try:
+    with in_file(path):
         model = Model.from_toml(text, catalogue)
         if whole:
             model.check_whole()
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    if not model.sealed:
-        _note_unsealed(path)
-    if named_in_file(model.kind) not in map(named_in_file, (kind, *others)):
-        raise ValueError(
-            f"{path}: model must be one of a {' or '.join((kind, *others))} rig; got one of a {model.kind} rig"
-        )
+        if not model.sealed:
+            _note_unsealed(path)
+        if named_in_file(model.kind) not in map(named_in_file, (kind, *others)):
+            wanted = " or ".join((kind, *others))
+            raise ValueError(f"model must be one of a {wanted} rig; got one of a {model.kind} rig")
     return model
 
 
@@ -182,9 +179,7 @@ class Model:
             raise ValueError(self.misfit)
 
     def predict(self, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, NDArray[np.float64]]:
-        """The measured columns as this model predicts them from the driven columns of `record` alone, and from where it
-        begins where a body of inertia is driven by a force.
-        """
+        """The measured columns as this model predicts them from the driven ones (and where a driven body begins)."""
         if stage not in self.stages:
             raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
         shown = record.without(record.layout.measured)
@@ -196,9 +191,7 @@ class Model:
         return columns
 
     def errors(self, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, tuple[float, str, str]]:
-        """The error of the prediction of each measured column of `record`, its unit, and what it measures, as the
-        report of `close-loop` states them for the same record.
-        """
+        """Error, unit and measure of the prediction of each measured column, as `close-loop` reports them."""
         record = ready(record, rig)
         kind, found = kind_for(rig, [record]), dict[str, tuple[float, str, str]]()
         for one in map(kind.alone, (column for column in kind.channels if column in record.columns)):

@@ -208,9 +208,7 @@ class DrivePlan:
 
     @cached_property
     def motion(self) -> Record:
-        """The command as the driven column of a record, with the places that the model expects from where the first
-        record begins.
-        """
+        """The command as the driven column of a record, with the places that the model expects."""
         room, kind = self.room, self.room.kind
         drive = np.concatenate(self.pieces, dtype=np.float64)[: round(SET.plan_shortest_s / room.dt) + 1]
         t = np.asarray(room.dt * np.arange(len(drive)))

@@ -82,9 +82,7 @@ def left_by(kind: SeriesKind, records: Sequence[Record], theta: Theta) -> dict[s
 
 
 def _slope(kind: SeriesKind, runs: Sequence[tuple[Record, Array]], theta: Theta) -> float:
-    """The force in N that moves free `runs` at `theta` by a metre: that of a magnet there, else a greater friction; 0
-    where none moves them.
-    """
+    """The force in N that moves free `runs` at `theta` by a metre: of a magnet, else of a greater friction, else 0."""
     extra = [found[0] for record, _ in runs if (found := kind.extra_force(record, theta))]
     if extra:
         moved = _rms([record[kind.quantity] - run for record, run in runs])
@@ -108,9 +106,7 @@ def _memory(signal: Array) -> int:
 
 
 def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
-    """Why a stage must not lead as it is: a parameter of a base or of a part of `unknown` stands at its bound, or it
-    errs more on held-out records than an earlier one.
-    """
+    """Why a stage must not lead: a parameter stands at its bound, or it errs more held out than an earlier one."""
     said = dict(judged.worse)
     calibrated = at_bounds(prepared.kind, found.calibrated, [])
     last = at_bounds(prepared.kind, found.augmented, found.model) if judged.verdict == "unknown" else []
@@ -121,9 +117,7 @@ def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
 
 
 def refuted(verdict: str, errors: Mapping[str, float], not_to_lead: Collection[str], unit: str) -> dict[str, str]:
-    """The stages that the records exclude, as their error is far above the least of those that may lead. Where effects
-    are named, the stages without them are excluded.
-    """
+    """The stages whose error is far above the least of those that may lead, and those without named effects."""
     least = min((error for stage, error in errors.items() if stage not in not_to_lead), default=0.0)
     factor = SET.refuted_unknown if verdict == "unknown" else SET.refuted
     return {

@@ -1,6 +1,7 @@
 """What records must hold before anything is fitted: motion, training and validation parts, a bounded length."""
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from models.identification.settings import SET
 from models.records.record import Record, named
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
 
 
 def check_demand(record: Record) -> None:
@@ -20,15 +24,13 @@ def check_demand(record: Record) -> None:
     elif record.layout.time:
         steps = np.diff(record[TIME])
         if np.median(steps) < CHECKS.step_s[0]:
-            raise ValueError(
-                f"{record.name}: t_s must step by at least {CHECKS.step_s[0]:g} s; got steps of {np.median(steps):g} s"
-            )
+            raise ValueError(TEXT("refuse.fine", name=record.name, least=CHECKS.step_s[0], step=np.median(steps)))
         what, span = "t_s", float(np.sum(steps))
     else:
         return
     most = KINDS[record.kind].longest_s
     if span > most:
-        raise ValueError(f"{record.name}: {what} must span at most {most:g} s for kind {record.kind}; got {span:g} s")
+        raise ValueError(TEXT("refuse.long", name=record.name, what=what, most=most, kind=record.kind, span=span))
 
 
 def check_records(train: Sequence[Record], holdout: Sequence[Record]) -> None:
@@ -54,15 +56,12 @@ def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) 
             kind.residual(record, nominal)
     splits = kind.splits(train)
     if not splits or not all(part and held for part, held in splits):
-        raise ValueError(f"{names}: records must have a training and a validation part; needed are {wanted}")
+        raise ValueError(TEXT("refuse.parts", names=names, wanted=wanted))
     fitted = sum(p.fit for p in kind.base)
     for part, _ in splits:
         count = sum(len(kind.residual(record, nominal)) for record in part)
         if count <= fitted:
-            raise ValueError(
-                f"{names}: records must hold more numbers than the {fitted} that are fitted, also with the validation"
-                f" part left out; got {count}; needed are {wanted}"
-            )
+            raise ValueError(TEXT("refuse.few", names=names, fitted=fitted, count=count, wanted=wanted))
 
 
 def _check_clock(record: Record) -> None:
@@ -70,17 +69,12 @@ def _check_clock(record: Record) -> None:
     steps = np.diff(t)
     usual = float(np.median(steps))
     if usual > CHECKS.step_s[1]:
-        raise ValueError(
-            f"{record.name}: t_s must step by at most {CHECKS.step_s[1]:g} s; got steps of {usual:g} s: is it in s?"
-        )
+        raise ValueError(TEXT("refuse.coarse", name=record.name, most=CHECKS.step_s[1], step=usual))
     worst = int(np.argmax(steps))
     pieces = np.diff(np.flatnonzero(steps > SET.gap * usual), prepend=-1, append=len(t) - 1)
     whole = not KINDS[record.kind].stage and np.max(pieces) >= SET.whole * len(t)
     if steps[worst] > SET.gap * usual and not whole:
-        raise ValueError(
-            f"{record.name}: t_s must go on without a gap; got none between {t[worst]:.12g} s and {t[worst + 1]:.12g} s"
-            f" where steps are {usual:g} s: cut the record there"
-        )
+        raise ValueError(TEXT("refuse.gap", name=record.name, start=t[worst], end=t[worst + 1], step=usual))
 
 
 def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) -> None:
@@ -92,11 +86,10 @@ def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) ->
         constant = all(np.all(column == column[0]) for column in values.values())
         if layout.time and there and constant:
             got = values[there[0]][0]
-            raise ValueError(f"{names}: {' and '.join(there)} must change to identify anything; got {got:g} throughout")
+            raise ValueError(TEXT("refuse.constant", names=names, columns=" and ".join(there), got=got))
         if not layout.time and set(group) == set(layout.measured):
             still = next((name for name, column in values.items() if not column.any()), None)
             if still is not None:
-                raise ValueError(f"{names}: {still} must differ from 0 in some rows; got 0 throughout")
+                raise ValueError(TEXT("refuse.still", names=names, column=still))
             if KINDS[records[0].kind].scatters and constant:
-                rows = len(values[there[0]])
-                raise ValueError(f"{names}: periods must scatter as measured ones do; got {rows} times the same row")
+                raise ValueError(TEXT("refuse.same", names=names, rows=len(values[there[0]])))

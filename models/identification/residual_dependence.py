@@ -91,9 +91,7 @@ class _Residual:
 
 
 def _curve(residual: _Residual, variable: str, along: str, rng: np.random.Generator) -> ResidualCurve | None:
-    """The residual over `variable`; None where too few stretches share a bin. Intervals by block bootstrap over whole
-    stretches.
-    """
+    """The residual over `variable` with intervals by block bootstrap; None where too few stretches share a bin."""
     bins, y = _Bins.of(residual, (variable,), along, SET.curve_bins), residual.along(along)
     mean, low, high, enough = bins.means(y, residual.stretch, rng)
     if enough.sum() < 3:

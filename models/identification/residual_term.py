@@ -162,35 +162,16 @@ class _Fitted:
 
     def term(self, unit: str, level: float) -> Term:
         """The term as it is reported."""
-        amplitude, constant, *_ = self.values
-        estimates = [
-            Fitted(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < most))
-            for v, d, u, most in zip(self.values, self.deviations, self._units(unit), self._widest(), strict=True)
-        ]
-        term = Term(
-            self.curve.variable,
-            self.curve.along,
-            self.curve.sized,
-            self.form.name,
-            "",
-            estimates[0],
-            estimates[1],
-            float(constant / amplitude),
-            dict(zip(self.form.numbers, estimates[2:], strict=True)),
-            dict(self.given),
-            level,
-            self.left,
-        )
+        curve, own, found = self.curve, unit_at_end(self.curve.variable)[1], dict[str, Fitted]()
+        units = {"amplitude": unit, "constant": unit} | {n: "1" if n in PURE else own for n in self.form.numbers}
+        for (name, of), v, d in zip(units.items(), self.values, SET.z95 * self.deviations, strict=True):
+            most = np.pi / 2 if name == "phase" else 0.5 * abs(v)  # half width up to which a value is identifiable
+            found[name] = Fitted(float(v), (float(v - d), float(v + d)), of, bool(d < most))
+        amplitude, constant = found.pop("amplitude"), found.pop("constant")
+        offset, given = float(self.values[1] / self.values[0]), dict(self.given)
+        shape = (curve.variable, curve.along, curve.sized, self.form.name)
+        term = Term(*shape, "", amplitude, constant, offset, found, given, level, self.left)
         return replace(term, text=_text(term))
-
-    def _widest(self) -> list[float]:
-        """Half widths of an interval up to which a value is identifiable: half of it, for a phase a quarter turn."""
-        names = ("amplitude", "constant", *self.form.numbers)
-        return [np.pi / 2 if n == "phase" else 0.5 * abs(v) for n, v in zip(names, self.values, strict=True)]
-
-    def _units(self, unit: str) -> list[str]:
-        own = unit_at_end(self.curve.variable)[1]
-        return [unit, unit, *("1" if name in PURE else own for name in self.form.numbers)]
 
 
 def law_of(term: Term) -> Formula:

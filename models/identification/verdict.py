@@ -44,9 +44,7 @@ def _check(name: str, value: float, limit: float, column: str = "") -> Check:
 
 
 def unexplained(kind: Kind, found: Search, others: Sequence[Record]) -> tuple[list[Record], list[Check]]:
-    """Those of the `others`, which no fit has seen, that the model which was `found` does not explain, the worst ones
-    alone, and the check that it explains all.
-    """
+    """The worst of the unseen `others` that the model does not explain, and the check that it explains all."""
     if not others:
         return [], []
     seen = [prefixes(kind.searched([record]), found.horizon_s) for record in others]
@@ -105,19 +103,25 @@ def checks_of_model(
     findings: Sequence[RecordFinding],
     periods: Mapping[Name, float] = MappingProxyType({}),
 ) -> tuple[Check, ...]:
-    """What a verdict rests on beside what is left: parameters, held-out errors in the kind's measure, the findings on
-    the records and the `periods` of the effects.
-    """
-    at_bound = _check("bounds", len(at_bounds(kind, found.augmented, found.effects)), 0)
-    weak = _check("records", sum(finding.severity == "weakens" for finding in findings), 0)
-    own = _of_effects(kind, found, spread, held_out, periods) if found.effects else (weak,)
-    return (at_bound, *own, *_information(spread))
+    """What a verdict rests on beside what is left: parameters, held-out errors, findings, the effects' `periods`."""
+    checks = [_check("bounds", len(at_bounds(kind, found.augmented, found.effects)), 0)]
+    if not found.effects:
+        checks.append(_check("records", sum(finding.severity == "weakens" for finding in findings), 0))
+    else:
+        sizes = [spread.get((name, kind.declared(name).amplitude().name)) for name in found.effects]
+        checks.append(_check("effects_told", sum(size is None or not size.identifiable for size in sizes), 0))
+        if periods:
+            checks.append(_check("periods", max(periods.values()), 1 / SET.seen_again))
+        if held_out:
+            share = held_out["augmented"] / max(min(held_out["calibrated"], held_out["nominal"]), 1e-300)
+            checks.append(_check("held_out_gain", share, 1))
+    if vague := [not estimate.identifiable for name, estimate in spread.items() if isinstance(name, str)]:
+        checks.append(_check("information", float(np.mean(vague)), 0.99))
+    return tuple(checks)
 
 
 def periods_of(kind: Kind, effects: Sequence[str], theta: Theta, records: Sequence[Record]) -> dict[Name, float]:
-    """The period of each of the `effects` at `theta`: one in time as a share of the longest record, a wavelength of the
-    longest way that the `records` cover without a gap.
-    """
+    """The periods of `effects` at `theta` over the longest record, wavelengths over the longest way without gap."""
     found = dict[Name, float]()
     for p, name in _parameters(kind, effects):
         if p.unit == "Hz":
@@ -181,36 +185,12 @@ def _path(records: Sequence[Record]) -> float:
     return float(max(paths, default=np.inf))
 
 
-def _of_effects(
-    kind: Kind,
-    found: Search,
-    spread: Mapping[Name, Fitted],
-    held_out: Mapping[str, float],
-    periods: Mapping[Name, float],
-) -> Iterator[Check]:
-    sizes = [spread.get((name, kind.declared(name).amplitude().name)) for name in found.effects]
-    yield _check("effects_told", sum(size is None or not size.identifiable for size in sizes), 0)
-    if periods:
-        yield _check("periods", max(periods.values()), 1 / SET.seen_again)
-    if held_out:
-        share = held_out["augmented"] / max(min(held_out["calibrated"], held_out["nominal"]), 1e-300)
-        yield _check("held_out_gain", share, 1)
-
-
-def _information(spread: Mapping[Name, Fitted]) -> Iterator[Check]:
-    vague = [not estimate.identifiable for name, estimate in spread.items() if isinstance(name, str)]
-    if vague:
-        yield _check("information", float(np.mean(vague)), 0.99)
-
-
 WORSE: Final = "worse_on_held_out_records"
 """Id of the finding on a stage of the model that errs more on held-out records than one before it."""
 
 
 def setbacks(error: Mapping[str, float], floor: float, unit: str = "1") -> dict[str, str]:
-    """A sentence for each stage whose held-out `error` in `unit` is clearly above an earlier one's and the noise
-    `floor`.
-    """
+    """A sentence for each stage whose held-out `error` is clearly above an earlier one's and the noise `floor`."""
     said: dict[str, str] = {}
     known = [stage for stage in STAGES if np.isfinite(error.get(stage, np.nan))]
     for number, stage in enumerate(known):

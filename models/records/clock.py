@@ -88,9 +88,7 @@ def _longest_rise(values: Sequence[float]) -> list[int]:
 
 
 def are_differences(times: Array, even: bool = True) -> bool:
-    """Whether stamps are the times since the stamp before: none is negative and many do not rise; at an `even` rate
-    they are all of one size.
-    """
+    """Whether stamps are times since the one before: none negative, many falling; at an `even` rate all of one size."""
     back = np.diff(times) < 0
     if len(times) < 3 or not np.isfinite(times).all() or times.min() < 0 or not times.any():
         return False
@@ -108,9 +106,7 @@ def usual_step(times: Array) -> float:
 
 
 def in_gaps(at: Array, times: Array, least: float = 0.0) -> Mask:
-    """Which of the times `at` lie where the samples at `times` are further apart than a few usual intervals, and than
-    `least`, or beyond them.
-    """
+    """Which times `at` lie beyond `times` or where these are further apart than a few steps, and than `least`."""
     after = np.searchsorted(times, at, side="left")
     low, high = times[np.maximum(after - 1, 0)], times[np.minimum(after, len(times) - 1)]
     apart = (high != at) & (high - low > max(_BRIDGED * usual_step(times), least))
@@ -127,9 +123,7 @@ def mean_before(rows: Array, times: Array, levels: Array) -> Array:
 
 
 def _with_changes(rows: Array, times: Array) -> Array:
-    """The times `rows` with further ones evenly between them, as close as the changes of a held level usually are
-    (`times`; without any, no further ones).
-    """
+    """The times `rows` with further ones evenly between, as close as the changes at `times` of a level are."""
     if len(rows) < 2 or len(times) < 2:
         return rows
     parts = np.clip(np.round(np.diff(rows) / float(np.median(np.diff(times)))), 1, _MOST_PARTS).astype(int)

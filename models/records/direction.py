@@ -40,9 +40,7 @@ def swings(kind: RigKind, columns: Collection[str]) -> bool:
 
 
 def directed(kind: RigKind, columns: dict[str, Array], rig: Rig) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """The columns of a record with the force (torque) that drives it, 0 where nothing does, and a sentence on the
-    direction where the rig file leaves it open.
-    """
+    """The columns with the force (torque) that drives a record, and a sentence where the rig file leaves that open."""
     layout = kind.columns(columns)
     if kind is AXIS:
         (force,) = layout.measured

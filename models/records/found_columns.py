@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from models.files.toml import inline_table
+from models.files.toml import beside, inline_table
 from models.files.units import factor, split_unit, unit, unit_of
 from models.rigs.columns import TIME
 from models.rigs.kind import RigKind
@@ -18,9 +18,7 @@ _TIME_NAMES = ("time", "timestamp", "seconds", "sec")
 
 
 def check_header(where: str, kind: RigKind, header: Sequence[str], with_measured: bool = True) -> None:
-    """Refuse a header that lacks a column of `kind`, with the likely one in the header, and one of a whole record of
-    another kind.
-    """
+    """Refuse a header that lacks a column of `kind`, with the likely one in it, and one of another kind's record."""
     layout = kind.columns(header)
     lacking = layout.lacking(header, with_measured)
     missing = [name for alternatives in lacking for name in alternatives]
@@ -65,27 +63,8 @@ def nearly(other: str, name: str) -> bool:
     return bool(unit) and own.lower() == stem.lower() and (not stated or factor(stated, unit) is not None)
 
 
-WORDS: Final[Mapping[str, str]] = {
-    "t": "time x_value timestamp elapsed seconds clock zeit",
-    "position": "position displacement distance extension travel stroke place x q weg",
-    "carriage": "carriage magnet stage slide motor actuator driven schlitten wagen",
-    "force": "force load kraft pull fx fy fz ft tangential friction",
-    "load": "load normal fn last weight",
-    "friction": "friction mu cof reibung reibwert traction",
-    "coefficient": "coefficient coeff mu cof reibwert",
-    "angle": "angle joint rotation position theta phi q winkel",
-    "torque": "torque moment effort tau drehmoment",
-    "current": "current i strom",
-    "voltage": "voltage u v spannung",
-    "velocity": "velocity speed v omega qd dq qdot",
-    "frequency": "frequency f",
-    "storage": "storage elastic e' g'",
-    "loss": "loss viscous e'' g''",
-    "valley": "valley minimum lower",
-    "peak": "peak maximum upper",
-    "drive": "drive switch pulse trigger",
-}
-"""Other words for the parts of our columns' names, of which a beginning (`pos`, `disp`) is enough."""
+WORDS: Final[Mapping[str, str]] = beside(__file__, "words.toml")
+"""Other words for the parts of our columns' names."""
 # words in the names of commanded columns
 _COMMANDED: Final = "command cmd reference desired target setpoint demand goal nominal feedforward"
 
@@ -182,9 +161,7 @@ def _fits(stated: str, target: str) -> bool:
 
 
 def _likeness(target: str, stem: str, stated: str) -> int:
-    """Score of a name's words against the parts of ours: 2 for the same word, 1 for another of its meaning; 0 where the
-    units contradict.
-    """
+    """Score of a name's words: 2 for a word of ours, 1 for another of its meaning; 0 where the units contradict."""
     if stated and not _fits(stated, target):
         return 0
     words, parts = _words(stem), split_unit(target)[0].split("_")

@@ -40,7 +40,8 @@ LARGEST_SAMPLE = 1e12  # that the checks of records can read
 class Record:
     """One record in memory: samples by column, all of one length; `notes` on the reading, such as resampling, and what
     it `left_out`; the `source` file, and the line of each row in one of text; `treated`: what cleaning did to it, None
-    before it was cleaned. Its columns never change.
+    before it was cleaned. A part knows the `whole` that it is of, and the `first` of its rows there. Its columns never
+    change.
     """
 
     name: str
@@ -51,6 +52,8 @@ class Record:
     notes: tuple[str, ...] = ()
     treated: tuple[str, ...] | None = None
     left_out: tuple[LeftOut, ...] = ()
+    whole: Record | None = field(default=None, repr=False)
+    first: int = 0
 
     @property
     def said(self) -> tuple[str, ...]:
@@ -91,6 +94,10 @@ class Record:
         """The same record with only the rows of `index`."""
         columns = {key: column[index] for key, column in self.columns.items()}
         return replace(self, columns=columns, lines=None if self.lines is None else self.lines[index])
+
+    def part(self, first: int, last: int) -> Record:
+        """The rows from `first` up to `last`, which know their whole."""
+        return replace(self.rows(slice(first, last)), whole=self.whole or self, first=self.first + first)
 
     def beginning(self, length: float) -> Record:
         """The same record's first `length` s."""
@@ -149,7 +156,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
         sources.update(find_columns(str(path), rig, header, units, driven_only))
         return [source.column for target, source in sources.items() if source.column and target not in _free(kind)]
 
-    sparse = _may_be_empty(kind)
+    sparse = (*_sparse(kind), *_paced(kind))
     table = read_table(
         path,
         check,
@@ -181,12 +188,12 @@ def record_of(
     lengths = {column: np.shape(values) for column, values in columns.items()}
     if not columns or len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
         raise ValueError(f"{where}: columns must be arrays of one dimension and one length; got {lengths}"[:300])
-    sources = find_columns(where, rig, header, {}, driven_only)
+    sources, kind = find_columns(where, rig, header, {}, driven_only), KINDS[rig.kind]
     for target, source in sources.items():
-        if target in _free(KINDS[rig.kind]) or not source.column:
+        if target in _free(kind) or not source.column:
             continue
         values = columns[source.column]
-        wrong = np.isinf(values) if target in _may_be_empty(KINDS[rig.kind]) else ~np.isfinite(values)
+        wrong = np.isinf(values) if target in (*_sparse(kind), *_paced(kind)) else ~np.isfinite(values)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise ValueError(f"{where}, row {row}: {source.column} must be a finite number; got {values[row]}")
@@ -204,11 +211,6 @@ def _sparse(kind: RigKind) -> tuple[str, ...]:
 def _paced(kind: RigKind) -> tuple[str, ...]:
     """Columns of ours that may be empty where others are not: single stamps, and what has a clock of its own."""
     return (TIME, *(name for one in kind.layouts if one.time for names in one.driven for name in names))
-
-
-def _may_be_empty(kind: RigKind) -> tuple[str, ...]:
-    """Columns of ours whose cells may be empty."""
-    return (*_sparse(kind), *_paced(kind))
 
 
 def _free(kind: RigKind) -> tuple[str, ...]:
@@ -390,9 +392,7 @@ def _refuse_wrong(
     lenient: bool,
     row_name: str,
 ) -> None:
-    """Refuse stamps that do not rise, values out of range (where `lenient` only those too large for the checks), and
-    valleys above their peaks.
-    """
+    """Refuse falling stamps, values out of range (`lenient`: too large for the checks), and valleys above peaks."""
 
     def refuse(wrong: NDArray[np.bool_], rule: str, *values: Array) -> None:
         if wrong.any():

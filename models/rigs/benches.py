@@ -99,9 +99,7 @@ DRIVEN_AXIS = RigKind(
 
 
 def _friction_template(rng: np.random.Generator) -> tuple[Tables, Record]:
-    """Twelve speeds over two decades under three loads, three readings each, with the Stribeck curve of a lubricated
-    contact and 2 % of scatter.
-    """
+    """Twelve speeds under three loads, three readings each: the Stribeck curve of a lubricated contact with scatter."""
     v, load = (np.repeat(a.ravel(), 3) for a in np.meshgrid(np.geomspace(2e-4, 2e-2, 12), (0.1, 0.2, 0.5)))
     force = 0.09 * load * (1 + 0.5 * np.exp(-v / 2e-3)) * (1 + 0.02 * rng.standard_normal(v.size))
     tables: Tables = {"rig": {"kind": FRICTION.id}, "contact": {"friction_coefficient": 0.1}}

@@ -2,13 +2,16 @@
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
 from models.files.toml import shown
 from models.laws.dipole import PAIRINGS, Cylinder, Orientation, moment_A_m2, stiffness_N_per_m
 from models.rigs.schema import Height, Length, Positive, Remanence, Table, checked, key
+from models.words.sentences import Sentences
+
+TEXT: Final = Sentences(__file__)
 
 
 class Magnet(Table):
@@ -59,10 +62,8 @@ class Magnets(Table):
             return float(moment)
         if moment is None and len(given) == len(names):
             return moment_A_m2(*size)
-        raise ValueError(
-            f"[rig.magnet] must have {side}_moment_A_m2, or {', '.join(names)}, and not both; got"
-            f" {', '.join([f'{side}_moment_A_m2'] * (moment is not None) + given) or 'neither'}"
-        )
+        got = ", ".join([f"{side}_moment_A_m2"] * (moment is not None) + given) or "neither"
+        raise ValueError(TEXT("magnet.moment", side=side, size=", ".join(names), got=got))
 
     def cylinders(self) -> tuple[Cylinder, Cylinder] | None:
         """Both magnets' sizes; None where one is only known by its moment."""
@@ -81,15 +82,9 @@ class Magnets(Table):
         if self.height_range_m is not None:
             low, high = self.height_range_m
             if not low <= self.height_m <= high:
-                raise ValueError(
-                    f"[rig.magnet] height_range_m must be the lowest and the highest height, with height_m ="
-                    f" {self.height_m:g} between; got [{low:g}, {high:g}]"
-                )
+                raise ValueError(TEXT("magnet.heights", height=self.height_m, low=low, high=high))
             if self.pressing_limit_N is None:
-                raise ValueError(
-                    "[rig.magnet] must have the key 'pressing_limit_N', the most that the magnet may press on the"
-                    " tissue, where height_range_m lets the height be commanded; it is missing"
-                )
+                raise ValueError(TEXT("magnet.pressing"))
 
     def spring(self, stiffness: float | None = None) -> Magnet:
         """The spring of that stiffness (or a measured one) and the gap of greatest pull."""

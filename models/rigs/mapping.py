@@ -78,9 +78,7 @@ def _factor(own: str, target: str) -> float:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """`[columns]` of a rig file. A file that has a column of ours under its own name and not the mapped one is read as
-    it is.
-    """
+    """`[columns]` of a rig file. A file with a column of ours by its own name, not the mapped one, is read as it is."""
 
     entries: tuple[MappedColumn, ...] = ()
 

@@ -4,29 +4,21 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from models.files.toml import is_number, read_toml, shown, with_contact_angle
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
+from models.rigs import tables
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.mapping import ColumnMap, MappedColumn
 from models.rigs.rig import Rig
 from models.rigs.schema import Table, checked
-from models.rigs.tables import (
-    BodyTable,
-    CapsuleTable,
-    ChecksTable,
-    ColumnTable,
-    Noise,
-    PaperCapsuleTable,
-    PaperTissueTable,
-    SurfaceTable,
-    TissueTable,
-)
+from models.words.sentences import Sentences
 
 T = TypeVar("T", bound=Table)
+TEXT: Final = Sentences(__file__)
 _STD = "_std"
 _BODY = ("capsule", "tissue")
 _FIRST, _LAST = (*_BODY, "rig", "noise"), ("checks", "clock", "prior", "columns")
@@ -55,25 +47,22 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
     known = (*table_names(), "record")
     unknown = next((key for key in raw if key not in known), None)
     if unknown is not None:
-        raise ValueError(f"{where}: table must be one of a rig file; got {unknown!r}; {nearest(unknown, known)}")
+        raise ValueError(TEXT("table", where=where, table=unknown, hint=nearest(unknown, known)))
     for table, content in raw.items():
         if not isinstance(content, dict):
             raise ValueError(f"{where}: [{table}] must be a table; got {shown(content)}")
     kind = _kind(raw, where)
     file = _File(raw, where, kind)
-    parts = file.head() | {"noise": file.read("noise", Noise, optional=True)}
+    parts = file.head() | {"noise": file.read("noise", tables.Noise, optional=True)}
     for name, model in kind.tables.items():
         if name not in _BODY:
             must = any(field.is_required() for field in model.model_fields.values())
             parts[name] = file.read(name, model, optional=not must)
     parts |= {name: file.read(name, model) for name, model in kind.further.items() if name in raw}
     parts["capsule"], parts["tissue"] = file.body(parts.get("surface"))
-    parts["checks"] = file.read("checks", ChecksTable, optional=True)
+    parts["checks"] = file.read("checks", tables.ChecksTable, optional=True)
     if kind.switched and "clock" in parts and parts["clock"].drift:
-        raise ValueError(
-            f"{where}: [clock] drift must be left out for kind {kind.id}, whose drive switches and cannot be read"
-            f" between its samples; got {parts['clock'].drift:g}"
-        )
+        raise ValueError(TEXT("drift", where=where, kind=kind.id, drift=parts["clock"].drift))
     columns, prior = file.columns(), file.prior()
     file.refuse_rest()
     own = {name: parts.pop(name) for name in tuple(parts) if name not in _FIELDS}
@@ -88,9 +77,7 @@ def _with_records(raw: Mapping[str, Any], where: str) -> Rig:
         file = changes.get("file") if isinstance(changes, dict) else None
         at = f"{where}: [[record]]"
         if not isinstance(file, str) or not file:
-            raise ValueError(
-                f"{at} must have 'file', the name of a record, and keys such as capsule.mass_kg; got {shown(changes)}"
-            )
+            raise ValueError(TEXT("record", at=at, got=shown(changes)))
         own = dict[str, Any](shared)
         for table, content in changes.items():
             if table != "file":
@@ -115,11 +102,8 @@ def _kind(raw: Mapping[str, Any], where: str) -> RigKind:
     head = raw["rig"]
     if "kind" not in head:
         close = next((key for key in head if nearest("kind", [key]).startswith("did")), None)
-        raise ValueError(
-            f"{where}: [rig] must have the key 'kind'; "
-            + (f"got {close!r}" if close else "it is missing")
-            + f"; kinds: {', '.join(KINDS)}"
-        )
+        got = f"got {close!r}" if close else "it is missing"
+        raise ValueError(TEXT("no_kind", where=where, got=got, kinds=", ".join(KINDS)))
     kind = head["kind"]
     if not isinstance(kind, str) or kind not in KINDS:
         hint = nearest(kind, KINDS) if isinstance(kind, str) else "known: " + ", ".join(KINDS)
@@ -147,19 +131,17 @@ class _File:
         owners = {key: kind.id for kind in reversed(KINDS.values()) for key in kind.head.model_fields}
         return checked(self.where, "rig", head, content, owners).parts(nested)
 
-    def body(self, surface: SurfaceTable | None) -> tuple[Capsule, Tissue]:
-        """Body and gut of a rig whose body lies on `surface`; None is the gut. Both are the papers' where a
-        kind has no table of its own.
-        """
-        paper = self.kind.tables.get("capsule", PaperCapsuleTable) is PaperCapsuleTable
+    def body(self, surface: tables.SurfaceTable | None) -> tuple[Capsule, Tissue]:
+        """Body and gut of a rig on `surface` (None: the gut), the papers' where a kind has no table of its own."""
+        paper = self.kind.tables.get("capsule", tables.PaperCapsuleTable) is tables.PaperCapsuleTable
         gut = surface is None or surface.kind == "gut"
-        body = PaperCapsuleTable if paper else CapsuleTable if gut else BodyTable
+        body = tables.PaperCapsuleTable if paper else tables.CapsuleTable if gut else tables.BodyTable
         capsule = self.read("capsule", body, optional=paper).capsule()
         if paper or not gut:
-            return capsule, self._tissue(PaperTissueTable, capsule, optional=True)
-        return capsule, self._tissue(TissueTable, capsule)
+            return capsule, self._tissue(tables.PaperTissueTable, capsule, optional=True)
+        return capsule, self._tissue(tables.TissueTable, capsule)
 
-    def _tissue(self, model: type[TissueTable], capsule: Capsule, optional: bool = False) -> Tissue:
+    def _tissue(self, model: type[tables.TissueTable], capsule: Capsule, optional: bool = False) -> Tissue:
         if "lumen_diameter_m" not in self.raw.get("tissue", {}):
             return self.read("tissue", model, optional).tissue()
         self.used.add("tissue")
@@ -172,9 +154,7 @@ class _File:
     def read(self, table: str, model: type[T], optional: bool = False) -> T:
         """One table, checked."""
         if table not in self.raw and not optional:
-            raise ValueError(
-                f"{self.where}: table [{table}] must be there for a rig of kind {self.kind.id!r}; it is missing"
-            )
+            raise ValueError(TEXT("missing", where=self.where, table=table, kind=self.kind.id))
         self.used.add(table)
         return checked(self.where, table, model, self.raw.get(table, {}))
 
@@ -184,17 +164,12 @@ class _File:
         known, entries = self.kind.known, list[MappedColumn]()
         for target, given in self.raw.get("columns", {}).items():
             if target not in known:
-                raise ValueError(
-                    f"{self.where}: [columns] key must be a column of kind {self.kind.id!r}; got {target!r};"
-                    f" {nearest(target, known)}"
-                )
+                hint = nearest(target, known)
+                raise ValueError(TEXT("columns.key", where=self.where, kind=self.kind.id, target=target, hint=hint))
             table = {"column": given} if isinstance(given, str) else given
             if not isinstance(table, dict):
-                raise ValueError(
-                    f"{self.where}: [columns] {target} must be the name of a column, or a table with the key 'column';"
-                    f" got {given!r}"
-                )
-            content = checked(self.where, f"columns.{target}", ColumnTable, table).model_dump()
+                raise ValueError(TEXT("columns.value", where=self.where, target=target, given=given))
+            content = checked(self.where, f"columns.{target}", tables.ColumnTable, table).model_dump()
             try:
                 entries.append(MappedColumn(target, **content))
             except ValueError as error:
@@ -207,10 +182,7 @@ class _File:
         content = self.raw.get("prior", {})
         for key, std in content.items():
             if not key.endswith(_STD) or not is_number(std) or not std > 0:
-                raise ValueError(
-                    f"{self.where}: [prior] must hold the name of a calibrated parameter with '{_STD}' and a standard"
-                    f" deviation above 0; got {key} = {shown(std)}"
-                )
+                raise ValueError(TEXT("prior", where=self.where, ending=_STD, key=key, got=shown(std)))
         return {key.removesuffix(_STD): float(std) for key, std in content.items()}
 
     def refuse_rest(self) -> None:
@@ -218,6 +190,4 @@ class _File:
         for table in self.raw:
             if table not in self.used:
                 listed = ", ".join(f"[{name}]" for name in table_names() if name in self.used)
-                raise ValueError(
-                    f"{self.where}: table [{table}] must not be there for kind {self.kind.id!r}; it takes {listed}"
-                )
+                raise ValueError(TEXT("strange", where=self.where, table=table, kind=self.kind.id, listed=listed))

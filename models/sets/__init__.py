@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.parameter import nearest
+from models.parameter import nearest, one_of
 
 MEASURED = Path(__file__).parent / "measured"
 
@@ -42,18 +42,9 @@ class PaperMeasurement:
         return PaperMeasurement(self.name, self.title, self.source, self.caution, self.units, columns)
 
 
-def available_measurements() -> list[str]:
-    """Names of the measured tables that ship with the models."""
-    return sorted(path.stem for path in MEASURED.glob("*.csv"))
-
-
 def measured_path(name: str) -> Path:
     """The CSV file of a measured table; a miss names the nearest one (`ValueError`)."""
-    path = MEASURED / f"{name}.csv"
-    if not path.is_file():
-        hint = nearest(name, available_measurements())
-        raise ValueError(f"measurement must be one that exists; got {name!r}; {hint}")
-    return path
+    return one_of(MEASURED, name, ".csv", "measurement")
 
 
 @cache

@@ -18,9 +18,7 @@ FULL: Final[Levels] = (1.0, 1.0, 1.0)  # factors on elastic resistance, weight a
 
 
 class Surface(ABC):
-    """What the body lies on. `dragged`: a wall sticks to the body, is dragged along and draws back, with the states u
-    and slip; else there is friction alone.
-    """
+    """What the body lies on. `dragged`: a wall sticks to it, with the states u and slip; else friction alone."""
 
     dragged: ClassVar[bool] = False
 

@@ -121,9 +121,7 @@ class Interval:
 
 
 def with_interval(value: float, interval: tuple[float, float]) -> Interval:
-    """`value` and `interval` with the decimal places that give half the interval's width two significant digits; four
-    significant digits without an interval.
-    """
+    """`value` and `interval` with places that give half the interval two digits; four digits without an interval."""
     low, high = interval
     half = abs(high - low) / 2
     if not all(map(math.isfinite, (value, low, high))) or half == 0:

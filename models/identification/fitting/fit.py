@@ -28,9 +28,7 @@ class FreeParameter:
         return self.parameter.key
 
     def on_side_of(self, start: Theta) -> "FreeParameter":
-        """The same on the side of zero where it is at `start`, and above its `least` size: below that the effect is
-        another one, as a wave of very long wavelength is a force in time.
-        """
+        """The same on the side of zero where it is at `start`, above its `least` size, below which it is another."""
         p = self.parameter
         if not p.least:
             return self

@@ -81,9 +81,7 @@ class Fitter:
         return fits[int(np.argmin(left))]
 
     def exactly(self, start: Theta) -> Fit:
-        """From a fit, `near` at the kind's final criterion; where that leaves more than chance, also from the best of
-        many points that the fit allows, again as long as that gains.
-        """
+        """From a fit, `near` at the final criterion; beyond chance also from points that the fit allows."""
         final = Fitter.of(self.kind, self.records, self.effects, self.kind.final)
         best = final.near(start, SET.fine, SET.rounds)
         more = self.axes and self.kind.beginnings_s and not best.by_chance and best.jacobian.any()
@@ -147,10 +145,6 @@ class Fitter:
             return rows
         own = [[(x[i] - p.value) / p.spread for i, p in priors] for x in points]
         return np.concatenate([rows, own], axis=1)
-
-    def residuals_of(self, points: Sequence[Array]) -> Array:
-        """`residuals` of many points."""
-        return np.concatenate([self.residuals(some) for some in self._together(points)])
 
     def _together(self, points: Sequence[P]) -> list[Sequence[P]]:
         """`points` in groups that are evaluated at about the price of one."""

@@ -46,7 +46,7 @@ def _profile(fitter: Fitter, fit: Fit, k: int) -> Profile:
         moved = [fitter.clip(point) for point in moved]
         for point, value in zip(moved, values, strict=True):
             point[k] = value
-        found = fitter.residuals_of(moved)
+        found = fitter.residuals(moved)
         costs = np.minimum(costs, np.einsum("ij,ij->i", found, found))
         for point, r in zip(moved, found, strict=True):
             point[others] -= back @ r * scale[others]

@@ -79,9 +79,7 @@ _BY_RECORD: Final = ("predict", "predictions", "residual", "stacked", "imitate",
 
 
 def differing(kind: Kind, own: Mapping[str, Kind]) -> Kind:
-    """`kind`, which takes for the records of some names their `own` kind. Of a parameter that a fit may change, the
-    difference of its nominal values stays.
-    """
+    """`kind` with its `own` kind for the records of some names; differences of nominal values that are fitted stay."""
     nominal = kind.nominal()
     shifts = {
         name: {key: value - nominal[key] for key, value in other.nominal().items() if value != nominal[key]}

@@ -36,9 +36,7 @@ class Conditions:
 
 
 def may_be_left_out(record: Record, others: Sequence[Record]) -> bool:
-    """Whether `others` cover about the directions, the positions and the speeds of `record`: its one speed, or the
-    slowest and the fastest.
-    """
+    """Whether `others` cover about the directions, the positions and the speeds of `record`, or its one speed."""
     own, rest = Conditions.of(record), [Conditions.of(other) for other in others]
     directions = frozenset[float]().union(*(r.directions for r in rest))
     low, high = min(r.low for r in rest), max(r.high for r in rest)

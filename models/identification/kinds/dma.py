@@ -28,9 +28,7 @@ COLUMNS = ("storage_modulus_Pa", "loss_modulus_Pa")
 
 @dataclass(frozen=True)
 class DmaKind(Kind):
-    """Five springs and dampers in decadic logarithms, calibrated on all samples together. Each sample has its own
-    factor (cut, thickness), each reading its own error.
-    """
+    """Five springs and dampers in decadic logarithms: each sample has its own factor, each reading its own error."""
 
     base: tuple[Parameter, ...]
     modulus_std_Pa: float | None = None

@@ -115,9 +115,7 @@ class FrictionKind(TableKind):
         return record.with_column(self.quantity, self.predict(record, theta) + noise)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        """Up to eight random parts of whole conditions; the only condition at the slowest or fastest speed, or under
-        the lightest or heaviest load, is always fitted to.
-        """
+        """Up to eight random parts of conditions; the only one at an end of speed or load is always fitted to."""
         runs, index = distinct(np.concatenate([self.keys(r) for r in records]))
         alone = np.zeros(len(runs), dtype=bool)
         for size in np.abs(runs).T:

@@ -83,13 +83,6 @@ def _cycles(body_kg: float, inner_kg: float, reaction_on_body: bool, effects: tu
     return Cycles(assemble(Plate(body_kg), drive, effects))
 
 
-_BELIEF = "rig file"
-_SCALE = (
-    "common factor of force and friction: it scales every speed, as a wrong force, masses or a wrong scale of the"
-    " displacement do"
-)
-
-
 @dataclass(frozen=True)
 class VibroTableKind(TableKind):
     """Mean speed over `cycles` periods from rest, `M v' = S - F - mu (M + m) g Sgn(v)`, `m (v' + xi'') = F - S`, `S = k
@@ -121,11 +114,12 @@ class VibroTableKind(TableKind):
 
         masses = ("body_mass_kg", rig.capsule.mass_kg, "kg"), ("inner_mass_kg", drive.inner_mass_kg, "kg")
         fixed = (("force_N", drive.force_N, "N"), *masses)
+        scale = "common factor of force and friction, as a wrong force, masses or scale of the displacement make it"
         base = (
-            Parameter.near("spring_stiffness_N_per_m", drive.spring_stiffness_N_per_m, "N/m", 0.8, 1.2, _BELIEF),
-            Parameter("load_scale", 1.0, "1", 0.25, 4.0, _SCALE, fit=True),
-            Parameter.near("friction_coefficient", surface.friction_coefficient, "1", 0.5, 1.7, _BELIEF),
-            *(Parameter(name, value, unit, value, value, _BELIEF) for name, value, unit in fixed),
+            Parameter.near("spring_stiffness_N_per_m", drive.spring_stiffness_N_per_m, "N/m", 0.8, 1.2, "rig file"),
+            Parameter("load_scale", 1.0, "1", 0.25, 4.0, scale, fit=True),
+            Parameter.near("friction_coefficient", surface.friction_coefficient, "1", 0.5, 1.7, "rig file"),
+            *(Parameter(name, value, unit, value, value, "rig file") for name, value, unit in fixed),
             Parameter("mirror", 1.0, "1", -1.0, 1.0, "settled once from the records"),
         )
         made = cls(base, drive.reaction_on_body)

@@ -25,9 +25,7 @@ Moved = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Trial:
-    """A model with one more `effect`, `fitted`, also with its refinements (`finer`), beside the validation cost by
-    block of the model `before`.
-    """
+    """A model with one more `effect`, `fitted`, also with refinements (`finer`), beside the cost `before`."""
 
     effect: str
     fitted: FittedModel
@@ -99,9 +97,7 @@ def from_best_base(model: FittedModel, trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _growth(model: FittedModel, row: Screened) -> Growth:
-    """Fits of `model` with a candidate, from its screening starts on either base, and also from starts where the slip
-    limit does not follow the resistance.
-    """
+    """Fits of `model` with a candidate from its screening starts on either base, with and without what it shares."""
     beside = shared_by(model.kind, row.effect, model.effects)
     points = (at.with_(row.effect, start) for at in begins(model.kind, model.thetas[:1]) for start in row.starts)
     starts = [start for point in points for start in with_each(point, beside)]

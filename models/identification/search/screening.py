@@ -38,9 +38,7 @@ class Screened:
 
 @dataclass(frozen=True)
 class _View:
-    """The residual of a fit as `seen`, each sample or what is slow: as it is `here`, and without the fitted directions,
-    `basis`.
-    """
+    """The residual of a fit as `seen`, each sample or what is slow: `here`, and without the fitted `basis`."""
 
     seen: Callable[[Array], Array]
     here: Array
@@ -54,9 +52,7 @@ class _View:
         return cls(seen, own, own[0] - basis @ (basis.T @ own[0]), basis)
 
     def measured(self, effect: type[Effect], start: Mapping[str, float], change: Array) -> Screened:
-        """What the residual's changes `change` (1 or 2, m) along the amplitude (and its quadrature, where there is a
-        phase) explain of it.
-        """
+        """What the residual's changes (1 or 2, m) along the amplitude, and its quadrature, explain of it."""
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
         D, r = change.T, self.residual
         D = D - self.basis @ (self.basis.T @ D)

@@ -73,9 +73,7 @@ def search(
     most: int = SET.most_effects,
     ends_s: float = np.inf,
 ) -> Search:
-    """Calibrate on `train`, then add at `most` so many effects, one at a time, while they gain beyond chance; none is
-    begun after the monotonic time `ends_s`.
-    """
+    """Calibrate on `train`, then add up to `most` effects, one at a time, while they gain, none after `ends_s`."""
     began = time.monotonic()
     progress("fitting the model without further effects", 0.02)
     records = kind.searched(train)
@@ -199,9 +197,7 @@ def _wanted(kind: Kind, found: Search) -> float:
 
 
 def _test_again(model: FittedModel, found: Search) -> FittedModel:
-    """Drops every earlier effect that later ones made unnecessary: without it the validation gain falls by no more than
-    chance, or by less than a further effect has to gain.
-    """
+    """Drops every earlier effect without which the validation gain falls by no more than chance, or than is wanted."""
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]
         beside = list(dict.fromkeys(curve for name in rest for curve in shared_by(model.kind, name)))
@@ -219,9 +215,7 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
 
 
 def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> FittedModel:
-    """The rivals of each effect of `found` that the records do not separate, and its score against all others. A rival
-    that leads clearly takes the effect's place, and is compared in its turn.
-    """
+    """The rivals and score of each effect of `found`; one that leads clearly takes its place, and its turn."""
     left = [*found.effects]
     for _ in range(2 * len(left)):
         if not left:

@@ -22,6 +22,7 @@ from models.effects.conformance import CHECKS, values_of
 from models.effects.declarations import DECLARATIONS
 from models.effects.drive import ActuatorLag
 from models.effects.effect import HOOKS, Effect, Forms, Signals, Values
+from models.files.toml import beside
 from models.formula import Formula, equal
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import Parameter
@@ -131,6 +132,10 @@ def test_it_is_declared(effect: type[Effect]) -> None:
     assert set(effect.confounders) <= set(CATALOGUE)
     assert effect.id not in effect.confounders
     assert all((effect.summary, effect.source, effect.separated_by, effect.__doc__))
+
+
+def test_the_words_of_ours_are_those_of_an_effect() -> None:
+    assert beside(models.effects.__file__, "effects.toml").keys() <= CATALOGUE.keys()
 
 
 @each_effect

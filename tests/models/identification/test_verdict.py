@@ -25,8 +25,8 @@ from models.identification.verdict import (
     within,
 )
 from models.records.record import Record
-from models.rigs.reader import Noise
 from models.rigs.rig import Rig
+from models.rigs.tables import Noise
 from models.theta import Theta
 from tests.models.identification.kinds.axes import axis_kind
 

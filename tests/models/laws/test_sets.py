@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from models.parameter import Parameter, available_sets, load_set
-from models.sets import available_measurements, load_measurement, measured_path
+from models.parameter import SETS, Parameter, load_set
+from models.sets import MEASURED, load_measurement, measured_path
 
 
-@pytest.mark.parametrize("name", available_sets())
+@pytest.mark.parametrize("name", [path.stem for path in sorted(SETS.glob("*.toml"))])
 def test_every_set_says_what_it_is_and_is_not(name):
     parameters = load_set(name)
     assert all((parameters.title, parameters.source, parameters.caution))
@@ -48,7 +48,7 @@ def test_measurements_are_the_printed_ones():
     assert np.all(dip < dma.select(frequency_Hz=50)["storage_modulus_Pa"])
 
 
-@pytest.mark.parametrize("name", available_measurements())
+@pytest.mark.parametrize("name", [path.stem for path in sorted(MEASURED.glob("*.csv"))])
 def test_every_measurement_has_its_header(name):
     table = load_measurement(name)
     assert all((table.title, table.source, table.caution))

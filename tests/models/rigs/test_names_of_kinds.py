@@ -17,7 +17,6 @@ LEFT: Final[Mapping[str, str]] = {
     "models/drives/pull.py": "a drive's own name",
     "models/drives/vibro.py": "a drive's own name",
     "models/identification/verdict.py": "the id of a check",
-    "models/records/found_columns.py": "words of other people's columns",
 }
 """Files beside those that have a kind's name in quotes, each with what it is there; take a line out, add none."""
 

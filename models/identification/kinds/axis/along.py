@@ -64,7 +64,7 @@ def _program(effects: tuple[type[Effect], ...], loads: tuple[str, ...]) -> tuple
         loads=dict(zip(loads, logged, strict=True)),
     )
     acting = Active.of(effects, _by_name(known, own), _by_name(named, z)).advance(replace(s, v=speed), h)
-    friction = (base[1] * s.v + base[2] * acting.direction(s)) * acting.product("level", s)
+    friction = (base[1] * s.v + base[2] * acting.passed("direction", s)) * acting.product("level", s)
     force = acting.through("measured", s, base[0] * a + friction + base[3] - acting.total("force", s))
     after = ca.vertcat(*(acting.z[name] for name in named))
     step = ca.Function("row", [z, base, own, a, speed, h, *seen, *logged], [force, ca.SX(after)])

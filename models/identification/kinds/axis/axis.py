@@ -20,11 +20,9 @@ from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.logged import logged_in
 from models.identification.kinds.axis.moved import (
-    CARRIED,
     AxisNoise,
     Moved,
     band_of,
-    carried,
     filtered_noise,
     inertia_of,
     moved,
@@ -43,6 +41,8 @@ from models.rigs.rig import Rig
 from models.theta import Theta
 
 T = TypeVar("T")
+Cut = Callable[[Record, int, int], Record]
+"""The part of a record from a row up to another."""
 _BLOCKS = 4  # of a record's cycle of motion, of which each is left out once
 _BELIEF = "rig file; without it only a start for the calibration"
 
@@ -72,7 +72,6 @@ class AxisKind(Kind):
     lanes: ClassVar[int] = LANES
     next_share: ClassVar[float] = 0.04
     _known: dict[tuple[Any, ...], tuple[object, Any]] = field(default_factory=dict, repr=False, compare=False)
-    _wholes: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
     _last: dict[int, tuple[tuple[Any, ...], Array]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
@@ -137,19 +136,16 @@ class AxisKind(Kind):
 
     def _along(self, record: Record, effects: Sequence[type[Effect]], values: Array) -> Array:
         """The forces where nothing is late, of a part with what its whole has behind it."""
-        names, of = self.coordinates.loads_in(record.columns), self._moved(record)
-        if CARRIED[0] not in record.columns or int(record["_whole"][0]) not in self._wholes:
-            key = (id(of), *(id(record[column]) for column in names.values()))
-            rows = self._kept(key, (of, record), lambda: rows_of(of.motion, self._seen(record)))
-            return force_along(effects, [*names], values, rows)
-        number, first = int(record["_whole"][0]), int(record["_row"][0])
-        rows, last = self._wholes[number], slice(first, first + len(record))
-        if not any(effect.states for effect in effects):
-            return force_along(effects, [*names], values, rows[last])
-        at = (tuple(effects), values.tobytes())
-        if self._last.get(number, ((), rows))[0] != at:
-            self._last[number] = (at, force_along(effects, [*names], values, rows))
-        return self._last[number][1][last].copy()
+        whole, part = record.whole or record, slice(record.first, record.first + len(record))
+        names, of = self.coordinates.loads_in(whole.columns), self._moved(whole)
+        key = (id(of), *(id(whole[column]) for column in names.values()))
+        rows = self._kept(key, (of, whole), lambda: rows_of(of.motion, self._seen(whole)))
+        if record.whole is None or not any(effect.states for effect in effects):
+            return force_along(effects, [*names], values, rows[part])
+        at = (whole, tuple(effects), values.tobytes())
+        if self._last.get(id(whole), ((), rows))[0] != at:
+            self._last[id(whole)] = (at, force_along(effects, [*names], values, rows))
+        return self._last[id(whole)][1][part].copy()
 
     def _seen(self, record: Record) -> Signals:
         of, c = self._moved(record), self.coordinates
@@ -183,8 +179,9 @@ class AxisKind(Kind):
 
     def noise(self, record: Record) -> AxisNoise:
         """The noise of a record, or of the whole that it is a part of."""
-        force = record[self.quantity]
-        return self._kept((id(force), self.force_std, self.usual_std), force, lambda: self._estimated(record))
+        whole = record.whole or record
+        force = whole[self.quantity]
+        return self._kept((id(force), self.force_std, self.usual_std), force, lambda: self._estimated(whole))
 
     def _kept(self, key: tuple[Any, ...], of: object, found: Callable[[], T]) -> T:
         """The value `found` for the `key` of ids of arrays `of`, which are kept so that the ids stay theirs."""
@@ -197,8 +194,6 @@ class AxisKind(Kind):
         return made
 
     def _estimated(self, record: Record) -> AxisNoise:
-        if CARRIED[0] in record.columns:
-            return AxisNoise(*(float(record[name][0]) for name in CARRIED[-4:]))
         of, force = self._moved(record), record[self.quantity]
         m = of.motion
         own = filtered_noise(force, record[self.coordinates.position], m.rate, self.band, self.force_std)
@@ -236,26 +231,18 @@ class AxisKind(Kind):
         """The same motion with the model's force and noise of the same size after the filter: the force's own, and that
         of the position (or the logged speed) through the inertia.
         """
-        whole = self._carrying(record)
-        noise, of = self.noise(whole), self._moved(whole)
+        noise, of = self.noise(record), self._moved(record)
         rate = of.motion.rate
         own = self._believed(record) if math.isnan(noise.force) else noise.force
-        made = self.predict(whole, theta) + own / passed(rate, self.band) * rng.standard_normal(len(record))
+        made = self.predict(record, theta) + own / passed(rate, self.band) * rng.standard_normal(len(record))
         if noise.inertia:
             x = of.position_noise * rng.standard_normal(len(record))
             speed = None if of.logged is None else noise.speed * rng.standard_normal(len(record))
             made = made + noise.inertia * motion(of.motion.t, x, speed, self.band).a
-        return whole.with_column(self.quantity, made)
+        return replace(record.with_column(self.quantity, made), whole=record.whole or record)
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
-        return splits_of(records, self.coordinates.position, self._carrying)
-
-    def _carrying(self, record: Record) -> Record:
-        if CARRIED[0] in record.columns:
-            return record
-        number = len(self._wholes)
-        self._wholes[number] = rows_of(self._moved(record).motion, self._seen(record))
-        return carried(record, self.coordinates, self._moved(record), self.noise(record), number)
+        return splits_of(records, self.coordinates.position, Record.part)
 
     def signals(self, record: Record) -> dict[str, Array]:
         """Time, position, speed, acceleration, force and logged inputs."""
@@ -267,9 +254,11 @@ class AxisKind(Kind):
         return self.predict(record, theta) - record[self.quantity], record[self.quantity]
 
     def _moved(self, record: Record) -> Moved:
-        names = ("t_s", self.coordinates.position, self.coordinates.velocity, CARRIED[0])
-        key = tuple(id(record.columns.get(name)) for name in names)
-        return self._kept(key, record, lambda: moved(record, self.coordinates, self.position_std, self.band))
+        c, whole = self.coordinates, record.whole
+        key = (id(whole), *(id(record.columns.get(name)) for name in ("t_s", c.position, c.velocity)))
+        if whole is not None:
+            return self._kept(key, record, lambda: self._moved(whole).part(record))
+        return self._kept(key, record, lambda: moved(record, c, self.position_std, self.band))
 
 
 def coordinates_for(rig: Rig, records: Sequence[Record]) -> Coordinates:
@@ -336,27 +325,27 @@ def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
 
 
 def splits_of(
-    records: Sequence[Record], position: str, carrying: Callable[[Record], Record] = lambda record: record
+    records: Sequence[Record], position: str, cut: Cut = lambda record, a, b: record.rows(slice(a, b))
 ) -> list[Split]:
     """By record, of many by groups of them; where one alone holds a speed, direction or position, by four blocks of
-    each record's cycle, of the records `carrying` what the whole tells of a part.
+    each record's cycle, which are `cut` from it.
     """
     count = len(records) if len(records) <= SET.axis_groups else SET.many_groups
     groups = [records[k::count] for k in range(count)]
     apart = [([r for r in records if r not in group], [*group]) for group in groups]
     if len(records) > 1 and all(may_be_left_out(out, rest) for rest, group in apart for out in group):
         return apart
-    each = [blocks_of_cycle(carrying(record), position) for record in records]
+    each = [_blocks_of_cycle(record, position, cut) for record in records]
     return [
         ([r for part, _ in row for r in part], [r for _, part in row for r in part]) for row in zip(*each, strict=True)
     ]
 
 
-def blocks_of_cycle(record: Record, position: str) -> list[Split]:
+def _blocks_of_cycle(record: Record, position: str, cut: Cut) -> list[Split]:
     """Splits by four blocks of the record's cycle of motion (else of its length), each left out once."""
     rate = sampling_rate(record["t_s"])
     lag = repeat_lag(record[position], rate) or len(record)
     block = (np.arange(len(record)) % lag) * _BLOCKS // lag
     edges = [0, *(np.flatnonzero(np.diff(block)) + 1), len(record)]
-    pieces = [(int(block[a]), record.rows(slice(a, b))) for a, b in pairwise(edges) if b - a > SET.piece_s * rate]
+    pieces = [(int(block[a]), cut(record, a, b)) for a, b in pairwise(edges) if b - a > SET.piece_s * rate]
     return [([p for k, p in pieces if k != out], [p for k, p in pieces if k == out]) for out in range(_BLOCKS)]

@@ -92,9 +92,7 @@ VARIANTS: Final[tuple[type[Effect], ...]] = (AxisStribeck, AxisDrag, AxisDelay)
 
 @dataclass(frozen=True)
 class Size:
-    """Greatest speed, acceleration and force, lowest and highest position; SI, along or about the axis; the greatest
-    command where that is no force.
-    """
+    """Greatest speed, acceleration, force, ends of the position, SI; the greatest command where that is no force."""
 
     speed: float
     acceleration: float

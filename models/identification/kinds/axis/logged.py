@@ -59,9 +59,7 @@ def logged_in(records: Sequence[Record], c: Coordinates, loads: Mapping[str, str
 
 
 def _ranked(y: Array, base: Sequence[Array], more: Mapping[str, Array]) -> list[str]:
-    """The names of `more` in the order in which they explain most of `y` beside `base`: the first, and each that still
-    takes a share of what is left.
-    """
+    """The names of `more` that take a share of what is left of `y` beside `base`, in the order of what they explain."""
 
     def left(names: Sequence[str]) -> float:
         rows = np.column_stack([*base, *(more[name] for name in names)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 from math import comb
 
@@ -27,12 +27,6 @@ from models.identification.kinds.axis.zero_phase import (
 from models.identification.settings import SET
 from models.records.record import Record
 
-CARRIED = (
-    *("_x", "_v", "_a", "_still", "_place_noise", "_path", "_whole", "_row"),
-    *("_force_noise", "_speed_noise", "_shaken_inertia", "_weight"),
-)
-"""Columns of a part of a record: the whole's motion (filtered before the cut), rests, path, number and row; noise."""
-
 
 @dataclass(frozen=True)
 class Moved:
@@ -48,14 +42,16 @@ class Moved:
     logged: Array | None
     path: Array
 
+    def part(self, record: Record) -> Moved:
+        """That of a part of the record, filtered before the cut."""
+        m, rows = self.motion, slice(record.first, record.first + len(record))
+        own = AxisMotion(record["t_s"], m.x[rows], m.v[rows], m.a[rows])
+        logged = None if self.logged is None else self.logged[rows]
+        return Moved(own, self.direction[rows], self.still[rows], self.position_noise, logged, self.path[rows])
+
 
 def moved(record: Record, c: Coordinates, position_std: float | None, band: float) -> Moved:
-    """The motion of `record`, whole or a part; `position_std` where it is stated, `band` of the filters in Hz."""
-    if CARRIED[0] in record.columns:
-        x, v, a, rests, noise, path = (record[name] for name in CARRIED[:6])
-        m, position_noise = AxisMotion(record["t_s"], x, v, a), float(noise[0])
-        logged, direction = record.columns.get(c.velocity), _direction(m, position_noise, band)
-        return Moved(m, direction, rests > 0.5, position_noise, logged, path)
+    """The motion of a whole `record`; `position_std` where it is stated, `band` of the filters in Hz."""
     position = record[c.position]
     m = motion(record["t_s"], position, band=band)
     logged = record.columns.get(c.velocity)
@@ -70,15 +66,6 @@ def moved(record: Record, c: Coordinates, position_std: float | None, band: floa
     still = _still(m, position_noise, band) | _beside_gaps(~used(record), m.rate, band)
     path = np.cumsum(np.abs(np.diff(m.x, prepend=m.x[:1])))
     return Moved(m, _direction(m, position_noise, band), still, position_noise, logged, path)
-
-
-def carried(record: Record, c: Coordinates, of: Moved, noise: AxisNoise, number: int) -> Record:
-    """`record` with its motion, its `number` and its noise as columns, for parts of it."""
-    m, row = of.motion, np.arange(len(record))
-    values = (m.x, m.v, m.a, of.still, of.position_noise, of.path, number, row, *astuple(noise))
-    columns = {name: np.zeros(len(record)) + value for name, value in zip(CARRIED, values, strict=True)}
-    kept = record if of.logged is not None else record.without((c.velocity,))
-    return kept.with_columns(columns)
 
 
 def _unsure(m: AxisMotion, std: float, band: float) -> float:

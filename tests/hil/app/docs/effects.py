@@ -22,14 +22,14 @@ GROUPS: Final[Mapping[str, str]] = {
 
 def catalogue() -> str:
     """All candidates of the search by where they act, then the refinements."""
-    inputs = (*SIGNALS.values(), *ARGUMENTS.values())
+    rows = (*LEFT.values(), *SIGNALS.values(), *ARGUMENTS.values())
     return markdown(
         "effects.md.j2",
         groups={
             title: [_record(e) for e in EFFECTS if e.__module__.split(".")[-1] == file]
             for file, title in GROUPS.items()
         },
-        symbols=[*dict.fromkeys((*LEFT.values(), *(row[:2] for row in inputs if row != SIGNALS["direction"])))],
+        symbols=[*dict.fromkeys(tuple(row[:2]) for row in rows if row != SIGNALS["direction"])],
         known={effect.id for effect in EFFECTS},
         refinements=[(one, sorted(e.id for e in EFFECTS if one.id in e.refined_by)) for one in REFINEMENTS],
     )

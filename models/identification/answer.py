@@ -10,7 +10,6 @@ import numpy as np
 from models.checks.excitation import shown_with
 from models.checks.finding import RecordFinding
 from models.effects import effect_words
-from models.effects.effect import Effect
 from models.effects.equation import symbols_of
 from models.identification.confidence_map import confidence_map
 from models.identification.disagreement import disagreements
@@ -23,13 +22,12 @@ from models.identification.finding import (
     Finding,
     Fitted,
     FoundEffect,
-    Proposal,
 )
 from models.identification.fitting.profile import profiles
 from models.identification.inner_spline import followed_inside
 from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.residual_dependence import dependence_of
-from models.identification.search.screening import beginnings, least_sizes, unshown
+from models.identification.search.screening import least_sizes, unshown
 from models.identification.search.search import Search
 from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
@@ -68,10 +66,21 @@ def answer(
     report, words = report_of(kind), partial(effect_words, catalogue=prepared.declared)
     left = any(not check.ok and check.id.partition(".")[0] in _OF_RESIDUAL for check in judged.checks)
     ended = "cost" if found.ended == "chance" and left else found.ended
-    base, chance = kind.nominal() | found.calibrated.theta, (found.threshold, found.null_cost)
-    sizes = least_sizes(kind, beginnings(kind, kind.searched(train)), base, *chance) if drawn else {}
-    proposal = _proposal(prepared, found, train, seed, verdict, sizes)
-    dependence = dependence_of(kind, train, theta, seed) if drawn and verdict == "unknown" else None
+    unexplained, hidden, rng = verdict == "unknown", prepared.hidden, np.random.default_rng(seed)
+    records, base = kind.searched(train), kind.nominal() | found.calibrated.theta
+    chance = found.threshold, found.null_cost
+    sizes = least_sizes(kind, records, base, *chance) if drawn else {}
+    much = unshown(kind, sizes) if sizes and verdict == "none" else []
+
+    def shows_less(motion: Record) -> frozenset[str]:
+        """Effects of which only `much` would have shown."""
+        one = replace(kind, effects=tuple(much))
+        left = unshown(one, least_sizes(one, [*records, kind.made(motion, base)], base, *chance))
+        return frozenset(effect.id for effect in much if effect not in left)
+
+    shown = shown_with(prepared.rig, train, hidden) if hidden or much or unexplained else None
+    proposal = propose(kind, records, found, shown, rng, shows_less if much else None, unexplained=unexplained)
+    dependence = dependence_of(kind, train, theta, seed) if drawn and unexplained else None
     wanted = (words_of(proposal), report.next_experiment(kind, theta, train, found.equivalent))
     return Finding(
         kind=kind.name,
@@ -138,31 +147,6 @@ def _leading(choice: Choice) -> tuple[str, ...]:
 def without_size(kind: AnyKind, sizes: Mapping[str, object]) -> dict[str, str]:
     """Why records cannot show an effect that has none of the `sizes` that they would show at least, by id."""
     return {effect.id: TEXT("lacking.size") for effect in kind.effects if sizes and effect.id not in sizes}
-
-
-def _proposal(
-    prepared: Prepared, found: Search, train: Sequence[Record], seed: int, verdict: str, sizes: Mapping[str, float]
-) -> Proposal | None:
-    """The drive of the next record; where nothing is found, and of some effects only much would have shown by their
-    `sizes`, one with which less of them does.
-    """
-    kind, hidden, rng = prepared.kind, prepared.hidden, np.random.default_rng(seed)
-    base, records = kind.nominal() | found.calibrated.theta, kind.searched(train)
-    much = unshown(kind, sizes) if verdict == "none" and sizes else []
-    read = [record.beginning(SET.plan_read_s / len(records)) for record in records] if much else []
-
-    def unseen(effects: Sequence[type[Effect]], series: Sequence[Record]) -> list[type[Effect]]:
-        one = replace(kind, effects=tuple(effects))
-        return unshown(one, least_sizes(one, series, base, found.threshold, found.null_cost)) if effects else []
-
-    much = unseen(much, read)
-    shown = shown_with(prepared.rig, train, hidden) if hidden or much or verdict == "unknown" else None
-
-    def smaller(motion: Record) -> frozenset[str]:
-        left = unseen(much, [*read, kind.made(motion, base)])
-        return frozenset(effect.id for effect in much if effect not in left)
-
-    return propose(kind, records, found, shown, rng, smaller if much else None, unexplained=verdict == "unknown")
 
 
 def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:

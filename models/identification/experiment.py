@@ -129,12 +129,12 @@ def propose(
     found: Search,
     shown: Shown | None,
     rng: np.random.Generator,
-    smaller: Callable[[Record], frozenset[str]] | None = None,
+    shows_less: Callable[[Record], frozenset[str]] | None = None,
     *,
     unexplained: bool = False,
 ) -> Proposal | None:
-    """The drive of the next record of a time series; None where nothing is confounded, hidden or `unexplained`, and
-    where `smaller`, if given, of its motion (the effects that would show at smaller sizes with it) names none.
+    """The drive of the next record of a time series; None where nothing is confounded, hidden or `unexplained`, and its
+    motion `shows_less` of no effect.
 
     It is half as long as a record, or 20 s, and stays within the positions of the `records`; where no path is imposed,
     as the model that was found predicts. It separates the effects that are `found` from their rivals by as many
@@ -154,15 +154,14 @@ def propose(
         seconds = (SET.plan_read_s if rig.drawn else SET.slow_plan_read_s) / len(records)
         read = [record.beginning(seconds) for record in records]
         asked = [question(kind, read, *pair, rng) for pair in pairs[: SET.questions]]
-        (plan, apart), less = _best(kind, room, asked, read, rng), frozenset[str]()
+        plan, apart = _best(kind, room, asked, read, rng)
     elif shown is None:
         return None
     else:
         asked, apart = [], []
-        more, kept = smaller or (lambda motion: frozenset()), _effort(kind)[2] if smaller else 1
-        plan, less = max(((p, more(p.motion)) for p in _richest(room, shown, rng, kept)), key=lambda row: len(row[1]))
+        plan = _richest(room, shown, rng)
     motion = plan.motion
-    shows = tuple(sorted({*(shown(motion)[0] if shown else ()), *less}))
+    shows = tuple(sorted({*(shown(motion)[0] if shown else ()), *(shows_less(motion) if shows_less else ())}))
     if not pairs and not shows and not unexplained:
         return None
     times, places = plan.waypoints()
@@ -191,20 +190,14 @@ def _room(kind: Kind, records: Sequence[Record], theta: Theta) -> Room | DriveRo
     return DriveRoom(kind, tuple(records), theta, driven) if any(np.ptp(r[driven]) for r in records) else None
 
 
-def _richest(room: Room | DriveRoom, shown: Shown, rng: np.random.Generator, count: int) -> Sequence[Plan | DrivePlan]:
-    """Of random plans the `count` that show most effects; of those the richest, the best first."""
+def _richest(room: Room | DriveRoom, shown: Shown, rng: np.random.Generator) -> Plan | DrivePlan:
+    """The random plan that shows most effects; of those the richest."""
 
     def worth(plan: Plan | DrivePlan) -> tuple[float, int, float]:
         effects, rich = shown(plan.motion)
         return -plan.beyond, len(effects), rich
 
-    return sorted((room.random(rng) for _ in range(SET.plan_effort[0])), key=worth, reverse=True)[:count]
-
-
-def _effort(kind: Kind) -> tuple[int, int, int, int]:
-    """Plans drawn first, drawn anew a round, kept; rounds."""
-    first, again, kept, rounds = SET.plan_effort if KINDS[kind.name].drawn else SET.slow_effort
-    return first, again, kept, rounds
+    return max((room.random(rng) for _ in range(SET.plan_effort[0])), key=worth)
 
 
 def words_of(proposal: Proposal | None) -> str | None:
@@ -237,7 +230,7 @@ def _best(
     def judged(plans: Sequence[Plan | DrivePlan]) -> list[tuple[float, Plan | DrivePlan]]:
         return list(zip(each(worth, plans), plans, strict=True))
 
-    first, again, best, rounds = _effort(kind)
+    first, again, best, rounds = SET.plan_effort if KINDS[kind.name].drawn else SET.slow_effort
     rows = judged([room.random(rng) for _ in range(first)])
     for _ in range(rounds):
         rows = sorted(rows, key=lambda row: -row[0])[:best]

@@ -124,12 +124,7 @@ def records_for_null(kind: Kind, part: Sequence[Record]) -> Sequence[Record]:
     if not kind.beginnings_s:
         return part
     ends = np.cumsum([np.ptp(record[TIME]) for record in part])
-    return beginnings(kind, part[: 1 + int(np.searchsorted(ends, SET.imitated_s))])
-
-
-def beginnings(kind: Kind, records: Sequence[Record]) -> Sequence[Record]:
-    """The first few seconds of time series that are fitted on prefixes, else all."""
-    return prefixes(records, SET.imitated_s) if kind.beginnings_s else records
+    return prefixes(part[: 1 + int(np.searchsorted(ends, SET.imitated_s))], SET.imitated_s)
 
 
 def null_distribution(
@@ -163,17 +158,18 @@ def _imitated(
 
 def least_sizes(kind: Kind, records: Sequence[Record], theta: Theta, gain: float, cost: float) -> dict[str, float]:
     """The smallest amplitude of each effect of `kind`, in a middle shape, for which a search would look in such
-    `records` with the base at `theta`: the base, refitted, leaves then more than chance, `cost` and `gain`, as a search
-    asks for. None for one that none of the amplitudes that a search starts from shows.
+    `records` (their first 20 s) with the base at `theta`: the base, refitted, leaves then more than chance, `cost` and
+    `gain`, as a search asks for. None for one that none of the amplitudes that a search starts from shows.
     """
-    made, theta, least = _imitated(kind, records, theta, np.random.default_rng(0))
+    some = prefixes(records, SET.plan_shortest_s) if kind.beginnings_s else records
+    made, theta, least = _imitated(kind, some, theta, np.random.default_rng(0))
     wanted = max(cost + SET.least_drop, cost * float(np.exp(max(gain, kind.least_gain)))) - least
 
     def more(effect: type[Effect], size: float) -> float:
         """What a model with the effect leaves of records without it: as much as one without it of records with it."""
         shapes, fitter = _shapes(effect, made), replace(Fitter.of(kind, made, []), effects=(effect.id,))
         start = {**effect.start(), **shapes[len(shapes) // 2], effect.amplitude().name: size}
-        fit = fitter.near(theta.with_(effect.id, start), SET.fine[:1], SET.its_rounds)
+        fit = fitter.near(theta.with_(effect.id, start), SET.narrow, SET.its_rounds)
         return judged_cost(kind, made, fit.theta) - least
 
     def sized(effect: type[Effect]) -> float:
@@ -204,6 +200,6 @@ def smallest(kind: Kind, records: Sequence[Record]) -> dict[str, Quantity]:
     """
     searched, theta = kind.searched(records), kind.nominal()
     chance = null_distribution(kind, records_for_null(kind, searched), theta, np.random.default_rng(0))
-    sizes = least_sizes(kind, beginnings(kind, searched), theta, *chance)
+    sizes = least_sizes(kind, searched, theta, *chance)
     units = {name: kind.declared(name).amplitude().unit for name in sizes}
     return {name: Quantity(size, measured_unit(units[name], kind.unit)) for name, size in sorted(sizes.items())}

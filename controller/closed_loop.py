@@ -9,12 +9,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from controller.drives import envelope_of, friction_command
+from controller.drives import envelope_of
 from controller.limits import Limits
 from controller.model.control_model import ControlModel
 from controller.signals import Action, Estimate, Measurement, Reference
 from controller.step.compiled import supervisor_of
 from controller.supervision.contradiction import Contradiction
+from controller.supervision.loose import resistance_of
 from controller.supervision.model_switch import ModelSwitch, Offer
 
 
@@ -67,7 +68,7 @@ class ClosedLoop:
         self.supervisor = supervisor_of(controller, model, envelope)
         beside: dict[str, Any] = {"estimator": asked.estimator, "others": others, "watched": watched}
         self.estimator = ModelSwitch(self.supervisor, controller, model, offer, **beside)
-        self._watch = Contradiction(envelope, asked.noise_m, friction_command(model, envelope))
+        self._watch = Contradiction(envelope, asked.noise_m, resistance_of(model, envelope))
         self._commands: list[float] = []
         if asked.begin_s:
             still = Estimate(asked.begin_s, model.initial() * math.nan, model.initial(), lost=True)
@@ -83,8 +84,9 @@ class ClosedLoop:
             estimate = self.estimator.observe(now, supervisor.issued.command, arrived)
             middle = time.perf_counter()
             supervisor.halt(self._contradiction(arrived, now))
-            supervisor.room = self._watch.room
+            supervisor.room = self._watch.loose.room
             action = supervisor.act(now, estimate, self.asked.reference)
+            self._watch.loose.sent(now + self.tick_s, action.command, self.tick_s)
             seconds = middle - start, time.perf_counter() - middle
             self._commands.append(action.command)
             tick = Tick(now, estimate, action, supervisor.active, seconds)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from controller.limits import Envelope, Limits
-from controller.model.control_model import ControlModel, mean_friction
 from controller.tuned import Correction, Expected, FilterNoise, PidGains
 from models.drives.drive import Drive
 
@@ -189,11 +188,3 @@ class Actuator:
         if getattr(self._drive, "by_voltage", False):
             command = (command - self._p["back_emf_V_s_per_m"] * v) / self._p["coil_resistance_ohm"]
         return float(self._drive.force(x, v, command, self._p))
-
-
-def friction_command(model: ControlModel, envelope: Envelope) -> float:
-    """The command that overcomes a coil's mean friction; inf for other drives."""
-    if envelope.placed or envelope.shaken:
-        return math.inf
-    actuator = Actuator(model.drive, model.theta.base, envelope)
-    return max(abs(actuator.command(mean_friction(model), 0.0, 0.0)), 1e-9)

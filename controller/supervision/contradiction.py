@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from controller.limits import Envelope
+from controller.supervision.loose import Loose, Resistance
 
 CONTRADICT: Final = "sensor or drive contradict each other"
 _SLACK_M: Final = 2e-3  # margin of the envelope
@@ -16,7 +17,6 @@ _HARD: Final = 0.9  # share of a magnet's gap that counts as a hard pull
 _PULLED_S: Final = 1.0  # hard pull of a magnet without an answer
 _ON_S: Final = 2.0  # swing of an inner mass without an answer
 _IN_VAIN: Final = (2.6, 0.08)  # times friction, and seconds of it, that must move a capsule
-_MOST_IN_VAIN: Final = 4.0  # times friction, greatest push counted
 _MEAN: Final = 0.3  # weight of a new reading in the smoothed one
 _MOVED_M: Final = 5e-4  # distance that answers a push
 _MEAN_STDS: Final = 1.7  # standard deviations of readings, four of the smoothed ones
@@ -29,7 +29,7 @@ _APART_S: Final = 0.04  # time between two readings for a speed
 _SLIP_APART_S: Final = 0.018  # the same where the push is cut: two readings at 100 Hz
 _SLIPS: Final = (0.25, 2.5)  # share of the speed limit, and standard deviations of two readings, from which it slips
 _PLACES: Final = 64  # readings that are kept for it
-_SLIPPING: Final = 3.0  # times friction, greatest push on a slipping capsule; none is left at its speed limit
+FREE: Final = Resistance()
 
 
 @dataclass(slots=True)
@@ -93,26 +93,28 @@ class Contradiction:
       walls move it less: the magnet pulls harder.
     - Answer: a capsule moves by `_MOVED_M` (or four standard deviations of readings smoothed by `_MEAN`) in the
       direction of the push. A magnet may pull by `_HARD` of its gap for `_PULLED_S` before. The push of a coil beyond
-      `_IN_VAIN[0]` times the friction, in frictions, may sum up to `_IN_VAIN[1]` seconds before; until then it is at
-      most `_MOST_IN_VAIN` (`room`). With an inner mass it moves as far either way within `_ON_S` of swinging.
+      `_IN_VAIN[0]` times the friction, in frictions, may sum up to `_IN_VAIN[1]` seconds before. With an inner mass it
+      moves as far either way within `_ON_S` of swinging.
     - Sight: the reference stays within the envelope while `CONFIRMED` readings come, else a capsule that leaves it is
       seen too late. Jumps of the reference do not count.
     - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive with unknown
-      delay stops before the limit. An inner mass shakes its capsule faster. A coil that has pushed a capsule loose
-      would be stopped too late: beyond `_SLIPS` it is left `_SLIPPING` frictions, less in proportion (`room`).
+      delay stops before the limit. An inner mass shakes its capsule faster. A coil's capsule that
+      comes loose would be stopped too late: `loose` limits its push. It slips where readings show more than `_SLIPS`.
 
     The drive is its own report, in the command's unit; for an inner mass its command. Positions are in m, times in s.
     No method raises, allocates or takes longer with time.
     """
 
-    def __init__(self, envelope: Envelope, noise_m: float, friction: float = math.inf) -> None:
-        """`noise_m`: the localisation's deviation, `friction`: the command that overcomes friction."""
-        self._envelope, self._noise_m, self._friction = envelope, noise_m, abs(friction)
+    def __init__(self, envelope: Envelope, noise_m: float, resistance: Resistance = FREE) -> None:
+        """`noise_m`: the localisation's deviation."""
+        self._envelope, self._noise_m = envelope, noise_m
+        self._friction = resistance.friction
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._hard_m = _PUSHES * full, _HARD * full
         self._moved_m = max(_MOVED_M, (_SHAKEN_STDS if envelope.shaken else _MEAN_STDS) * noise_m)
         self._against_most_m = min(_AGAINST[0], _AGAINST[1] * envelope.around_m)
         self._fastest_m_s = _SPEED * envelope.limits.speed_m_s + 4 * noise_m / _APART_S
+        self.loose = Loose(resistance, self._fastest_m_s)
         self.begin()
 
     def begin(self) -> None:
@@ -124,7 +126,8 @@ class Contradiction:
         self.against_m = self._sign = self._vain_s = self._vain_sign = 0.0
         self._farthest_m = self._mean_m = self._from_m = math.nan
         self._seen_at = self._fast_at = self._fast_m = math.nan
-        self._places, self._slip_m_s = deque[tuple[float, float]](maxlen=_PLACES), 0.0
+        self._places = deque[tuple[float, float]](maxlen=_PLACES)
+        self.loose.begin()
         self._outside, self._way_m, self._wanted_m = 0, 0.0, math.nan
         self._ways: deque[float] = deque(maxlen=CONFIRMED)
 
@@ -147,15 +150,6 @@ class Contradiction:
             return f"{CONTRADICT}: the carriage is {off:+.1f} mm from the wanted position, the capsule not"
         return ""
 
-    @property
-    def room(self) -> tuple[float, float]:
-        """Least and greatest command of a coil for the next tick; -inf and inf while the capsule moves slowly."""
-        if self._envelope.placed or self._envelope.shaken:
-            return -math.inf, math.inf
-        left = max(1 - self._slip_m_s / self._envelope.limits.speed_m_s, 0.0) if self._slip_m_s else math.inf
-        most = self._friction * min(_MOST_IN_VAIN if self._vain_s > 0 else math.inf, _SLIPPING * left)
-        return -most, most
-
     def saw(self, position_m: float, drive: float, wanted_m: float, stamp_s: float) -> str:
         """The localisation shows the capsule at `position_m`; `drive` and `wanted_m` are those of its stamp."""
         behind_m = abs(self._wanted_m - wanted_m)
@@ -172,7 +166,8 @@ class Contradiction:
             self._from_m, self._vain_s = self._mean_m, 0.0
         self.against_m = sign * (self._farthest_m - self._mean_m)
         dt, self._seen_at = stamp_s - self._seen_at, stamp_s
-        self._slip_m_s = self._slips(position_m, stamp_s)
+        slip_m_s = self._slips(position_m, stamp_s)
+        self.loose.saw(self._places[0][0], stamp_s, self._envelope.sense * slip_m_s)
         if not self._envelope.shaken and (fast_m_s := self._speed(position_m, stamp_s)) > self._fastest_m_s:
             return f"the capsule goes {1e3 * fast_m_s:.0f} mm/s, too near to its limit to be stopped before it"
         if self.against_m > self._against_most_m:
@@ -202,13 +197,13 @@ class Contradiction:
         return self._vain_s > longest_s
 
     def _slips(self, position_m: float, stamp_s: float) -> float:
-        """Speed in m/s of a capsule that slips, since a reading `_SLIP_APART_S` or longer ago; else 0."""
+        """Velocity in m/s of a capsule that slips, since a reading `_SLIP_APART_S` or longer ago; else 0."""
         while len(self._places) > 1 and stamp_s - self._places[1][0] >= _SLIP_APART_S:
             self._places.popleft()
         self._places.append((stamp_s, position_m))
-        since_s, way_m = stamp_s - self._places[0][0], abs(position_m - self._places[0][1])
+        since_s, way_m = stamp_s - self._places[0][0], position_m - self._places[0][1]
         least_m = max(_SLIPS[0] * self._envelope.limits.speed_m_s * since_s, math.sqrt(2) * _SLIPS[1] * self._noise_m)
-        return way_m / since_s if since_s >= _SLIP_APART_S and way_m > least_m else 0.0
+        return way_m / since_s if since_s >= _SLIP_APART_S and abs(way_m) > least_m else 0.0
 
     def _speed(self, position_m: float, stamp_s: float) -> float:
         """Speed in m/s since a reading `_APART_S` or longer ago, 0 without one."""

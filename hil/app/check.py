@@ -1,6 +1,7 @@
 """`capsule check`: what is wrong with records before any fit, and what they cannot show."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -42,26 +43,27 @@ def check(
     with own_folder(out, "--out"):
         if out is not None:
             check_targets([out / PAGE, out / NUMBERS], "--out", [*records, rig])
-        return _checked(records, rig, out, json_output, effects)
-
-
-def _checked(records: Sequence[Path], rig: Path, out: Path | None, json_output: bool, effects: Sequence[Path]) -> int:
-    belief, catalogue = read_deployed_rig(rig), Catalogue.read(effects)
-    read, _ = read_series(records, (), belief, lenient=True)
-    findings = examine(belief, read)
-    if stopping(findings) is None:
-        findings = (*_refused(belief, read), *findings)
-    stops = stopping(findings) is not None
-    hidden = {} if stops else cannot_show(belief, read, catalogue.acting_on(belief.kind))
-    sizes, invisible = ({}, {}) if stops else _smallest(catalogue.given_to(belief), read)
-    hidden |= invisible
-    document = {
-        "findings": [finding.to_dict() for finding in findings],
-        "cannot_show": hidden,
-        "smallest_detectable": {name: size.value for name, size in sizes.items()},
-    }
-    if out is not None:
-        write_files({out / PAGE: page_html(read, findings, hidden, sizes), out / NUMBERS: json_text(document)})
+        belief, catalogue = read_deployed_rig(rig), Catalogue.read(effects)
+        read, _ = read_series(records, (), belief, lenient=True)
+        findings = examine(belief, read)
+        if stopping(findings) is None:
+            findings = (*_refused(belief, read), *findings)
+        stops, hidden, sizes = stopping(findings) is not None, dict[str, str](), dict[str, Quantity]()
+        if not stops:
+            hidden = cannot_show(belief, read, catalogue.acting_on(belief.kind))
+            given = catalogue.given_to(belief)
+            with suppress(ValueError):  # what cannot be fitted at all shows nothing
+                train = [ready(record, given) for record in read]
+                kind, _ = narrowed(kind_for(given, train), given, train)
+                sizes = smallest(kind, train)
+                hidden |= without_size(kind, sizes)
+        document = {
+            "findings": [finding.to_dict() for finding in findings],
+            "cannot_show": hidden,
+            "smallest_detectable": {name: size.value for name, size in sizes.items()},
+        }
+        if out is not None:
+            write_files({out / PAGE: page_html(read, findings, hidden, sizes), out / NUMBERS: json_text(document)})
     if json_output:
         print_json(document)
     else:
@@ -71,7 +73,7 @@ def _checked(records: Sequence[Path], rig: Path, out: Path | None, json_output: 
             summary().print(sizes_table(sizes))
         if out is not None:
             say(TEXT("check.report", path=out / PAGE))
-    return STOPPED if stopping(findings) else 0
+    return STOPPED if stops else 0
 
 
 def headline(findings: Sequence[RecordFinding]) -> str:
@@ -108,17 +110,6 @@ def _refused(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
         how, remedy = TEXT("check.refused_how"), TEXT("check.refused_remedy")
         return (RecordFinding("refused", "stops", at.source or at.name, "throughout", said, how, remedy),)
     return ()
-
-
-def _smallest(rig: Rig, records: Sequence[Record]) -> tuple[dict[str, Quantity], dict[str, str]]:
-    """What the records would show at least, and why not the rest; nothing where they cannot be fitted at all."""
-    try:
-        train = [ready(record, rig) for record in records]
-        kind, _ = narrowed(kind_for(rig, train), rig, train)
-        sizes = smallest(kind, train)
-        return sizes, without_size(kind, sizes)
-    except ValueError:
-        return {}, {}
 
 
 def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, str]) -> None:

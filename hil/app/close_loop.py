@@ -58,38 +58,25 @@ def close_loop(
     """Find what the model lacks and write all files or none. SIGTERM ends it like Ctrl-C."""
     on, budget_s = Workers(workers, scheduler), math.inf if budget is None else options.seconds(budget, "--budget")
     with sole_writer(out, "--out"), spread(on):
-        finding = _closed(records, rig, out, holdout, seed, effects, budget_s)
+        check_targets([out / name for name in FILES], "--out", [*records, *holdout, rig])
+        belief = Catalogue.read(effects).given_to(read_deployed_rig(rig))
+        train, held = read_series(records, holdout, belief)
+        for part, read in (("train", train), ("holdout", held)):
+            for record in read:
+                console.notes().print(TEXT("close_loop.read", record=record.name, rows=len(record), role=PARTS[part]))
+        same = _same_search([*records, *holdout, rig, *effects], f"{seed} {budget_s} {len(holdout)} {out.resolve()}")
+        with _termination_interrupts(), keeping(same) as done:
+            if done:
+                console.note(TEXT("close_loop.goes_on", count=done))
+            try:
+                finding = find_and_write(belief, train, held, out, seed, budget_s)
+            except KeyboardInterrupt:
+                raise console.InterruptionError(TEXT("close_loop.interrupted")) from None
     if json_output:
-        console.print_json(
-            {**report_json(finding), "files": [str(out / name) for name in FILES if (out / name).exists()]}
-        )
+        written = [str(out / name) for name in FILES if (out / name).exists()]
+        console.print_json({**report_json(finding), "files": written})
     else:
         print_summary(finding, out)
-
-
-def _closed(
-    records: Sequence[Path],
-    rig: Path,
-    out: Path,
-    holdout: Sequence[Path],
-    seed: int,
-    own: Sequence[Path],
-    budget_s: float,
-) -> Finding:
-    check_targets([out / name for name in FILES], "--out", [*records, *holdout, rig])
-    belief = Catalogue.read(own).given_to(read_deployed_rig(rig))
-    train, held = read_series(records, holdout, belief)
-    for part, read in (("train", train), ("holdout", held)):
-        for record in read:
-            console.notes().print(TEXT("close_loop.read", record=record.name, rows=len(record), role=PARTS[part]))
-    same = _same_search([*records, *holdout, rig, *own], f"{seed} {budget_s} {len(holdout)} {out.resolve()}")
-    with _termination_interrupts(), keeping(same) as done:
-        if done:
-            console.note(TEXT("close_loop.goes_on", count=done))
-        try:
-            return find_and_write(belief, train, held, out, "close-loop", seed, budget_s)
-        except KeyboardInterrupt:
-            raise console.InterruptionError(TEXT("close_loop.interrupted")) from None
 
 
 def _same_search(files: Sequence[Path], asked: str) -> Path:
@@ -146,11 +133,9 @@ def noted_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bo
     return record
 
 
-def find_and_write(
-    rig: Rig, train: list[Record], held: list[Record], out: Path, title: str, seed: int, budget_s: float = math.inf
-) -> Finding:
+def find_and_write(rig: Rig, train: list[Record], held: list[Record], out: Path, seed: int, budget_s: float) -> Finding:
     """Close the loop and write its files to `out`; a next experiment from before does not stay."""
-    with console.progress_bar(title) as progress, console.output_to_notes():
+    with console.progress_bar("close-loop") as progress, console.output_to_notes():
         finding, model = close(rig, train, held, progress, seed=seed, told=_tell, budget_s=budget_s)
         files = result_files(finding, model)
     write_files({out / name: content for name, content in files.items()})

@@ -39,18 +39,23 @@ def printable(text: str) -> str:
 
 
 class PlainConsole(Console):
-    """A console that prints names from files as plain text."""
+    """A console that prints names from files as plain text, as wide as `WIDTH` where there is no terminal."""
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
+        if not self.is_terminal:
+            self.width = WIDTH
 
     def render_str(self, text: str, **how: Any) -> Text:
         return super().render_str(printable(text), **how)
 
 
 def notes() -> Console:
-    return _console(PlainConsole(stderr=True, highlight=False, markup=False, emoji=False))
+    return PlainConsole(stderr=True)
 
 
 def summary() -> Console:
-    return _console(PlainConsole(highlight=False, markup=False, emoji=False))
+    return PlainConsole()
 
 
 def say(*lines: str) -> None:
@@ -124,8 +129,9 @@ def progress_bar(title: str, *, even: bool = False, done: float = 0.0) -> Iterat
         yield report
 
 
-def part_of(report: Callable[[str, float], None], number: int, count: int) -> Callable[[str, float], None]:
-    return lambda stage, share: report(stage, (number + share) / count)
+def part_of(report: Callable[[str, float], None], begin: float, end: float) -> Callable[[str, float], None]:
+    """The progress of a part of the work, from the share `begin` of it to `end`."""
+    return lambda stage, share: report(stage, begin + (end - begin) * share)
 
 
 def stage_lines(
@@ -143,21 +149,14 @@ def stage_lines(
     def report(stage: str, fraction: float) -> None:
         nonlocal last, said, most
         now, most = clock(), min(max(fraction, most), 1.0)
-        part = most
         head = stage.partition(":")[0]
         if head == last and now - said < QUIET_S:
             return
         last, said = head, now
         spent = now - began
         times = TEXT("console.spent", seconds=round(spent)) if spent >= QUIET_S else ""
-        if even and times and (part - done > _FIRST_SHARE * (1 - done)) and part < 1.0:
-            times += TEXT("console.remaining", seconds=math.ceil(spent * (1 - part) / (part - done)))
-        console.print(f"{title}: {math.floor(100 * part):3d} %  {stage}{times}", markup=False)
+        if even and times and (most - done > _FIRST_SHARE * (1 - done)) and most < 1.0:
+            times += TEXT("console.remaining", seconds=math.ceil(spent * (1 - most) / (most - done)))
+        console.print(f"{title}: {math.floor(100 * most):3d} %  {stage}{times}", markup=False)
 
     return report
-
-
-def _console(console: Console) -> Console:
-    if not console.is_terminal:
-        console.width = WIDTH
-    return console

@@ -4,9 +4,9 @@ import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from string import Template
 from typing import Annotated, Any, Final
 
+from jinja2 import StrictUndefined, Template
 from rich.table import Table
 
 from hil.app.console import TEXT, answer, text_table
@@ -82,7 +82,7 @@ def _table(found: Sequence[type[Effect]]) -> Table:
 REPORT: Final = "report.json"
 _RANGE = 5.0  # times a fitted size, as far as a new fit may go
 _SHARE = 3.0  # of the resistance, the most that a level may be off
-_FILE: Final = Template(Path(__file__).with_name("own_effect.py.txt").read_text(encoding="utf-8"))
+_FILE: Final = Path(__file__).with_name("own_effect.py.j2")
 
 
 def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:
@@ -143,28 +143,27 @@ def _text(report: Mapping[str, Any], term: Mapping[str, Any], name: str) -> str:
     offset = _finite(term["offset"])
     amplitude = Parameter("size", 0.0, "1" if against else "N", -most, most, fit=True)
     constant = Parameter("offset", offset, "1", min(offset, 0) - _RANGE, max(offset, 0) + _RANGE, fit=not against)
-    given = ", ".join(f"{key}={_written(value)}" for key, value in term["given"].items())
-    own = ", ".join(f'{n.name}=p["{n.name}"]' for n in numbers)
-    extra = 'p["size"] * (p["offset"] + shape)'
+    arguments = [f'{n.name}=p["{n.name}"]' for n in numbers]
+    arguments += [f"{key}={_written(value)}" for key, value in term["given"].items()]
     form = str(term["form"])
     if form not in (*(f.name for f in FORMS), "knots"):
         raise ValueError(form)
-    return _FILE.substitute(
+    look: dict[str, Any] = {"trim_blocks": True, "keep_trailing_newline": True}
+    text: str = Template(_FILE.read_text(encoding="utf-8"), undefined=StrictUndefined, **look).render(
         name="".join(part.capitalize() for part in name.split("_")),
         id=name,
         kind=repr(str(report["kind"])),
         words=column_words(term["variable"])[0],
         text=repr(str(term["text"])),
-        records=repr(tuple(str(record) for record in residual["records"])),
-        probe=f"{size:.6g}",
-        parameters="\n".join(map(_line, (amplitude, constant, *numbers))),
-        hook="level" if against else "force",
-        doc="Factor on the resistance." if against else "Extra force along +x in N.",
+        records=tuple(map(str, residual["records"])),
+        size=size,
+        parameters=(amplitude, constant, *numbers),
+        against=against,
         signal=signal,
         form=form,
-        arguments="".join(f", {part}" for part in (own, given) if part),
-        answer=f"1 + {extra}" if against else extra,
+        arguments="".join(f", {one}" for one in arguments),
     )
+    return text
 
 
 def _number(name: str, value: float, unit: str, centres: Sequence[float]) -> Parameter:
@@ -178,11 +177,6 @@ def _number(name: str, value: float, unit: str, centres: Sequence[float]) -> Par
     else:
         lower, upper = value / _RANGE, _RANGE * value
     return Parameter(name, value, unit, lower, upper, fit=True)
-
-
-def _line(p: Parameter) -> str:
-    numbers = f'{p.value:.6g}, "{p.unit}", {p.lower:.6g}, {p.upper:.6g}'
-    return f'    {p.name}: Parameter = Parameter("{p.name}", {numbers}, TERM, fit={p.fit})'
 
 
 def _finite(value: object) -> float:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from hil.app.console import TEXT, answer, note
-from hil.app.run.clock import Clock, ClockedBus
+from hil.app.run.clock import Clock, ClockedBus, Grid
 from hil.app.run.loop import StopSignals
 from hil.app.run.machine import open_bus
 from hil.app.scenario.bus_scenario import Step, steps
@@ -78,14 +78,10 @@ def _planned(script: str) -> list[Step]:
 
 
 def _cycles(signals: StopSignals, seconds: float = math.inf) -> Iterator[float]:
-    """The time in s of `time.monotonic`, once a cycle, for `seconds` or until a signal."""
-    begin, cycle = time.monotonic(), 0
-    while cycle * CYCLE_S < seconds and not signals.wanted:
-        left = begin + cycle * CYCLE_S - time.monotonic()
-        if left > 0:
-            time.sleep(left)
-        yield time.monotonic()
-        cycle += 1
+    """The time in s, once a cycle, for `seconds` or until a signal."""
+    grid = Grid(Clock(), CYCLE_S)
+    while (grid.ticks + grid.missed) * CYCLE_S < seconds and not signals.wanted:
+        yield grid.wait()
 
 
 def _send(sender: OperatorSender, planned: Iterable[Step], signals: StopSignals) -> None:

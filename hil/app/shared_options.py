@@ -9,14 +9,15 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
 from models.files.access import opened
+from models.words.sentences import Sentences
 
 MOST_SEED = (1 << 63) - 1  # what a signed word of 64 bits holds
-OWN_EFFECTS = "Python file with effects"
+TEXT: Final = Sentences(__file__)
 _STAGES = "nominal/calibrated/augmented"
 
 
@@ -43,11 +44,16 @@ def declared(target: str, words: Mapping[str, str]) -> Callable[..., Any]:
     return declaration
 
 
-def option(name: str, metavar: str, words: str = "", reads: str = "") -> Any:
-    """The option `--name METAVAR`; one that a single command has finds its `words` in `commands.toml`. `reads`:
-    what the file is that it names.
+def words_of(key: str) -> str:
+    """What our sentences say of an option or argument that several commands share, "" of one that a single one has."""
+    return TEXT(f"option.{key}") if f"option.{key}" in TEXT else ""
+
+
+def option(name: str, metavar: str, reads: str = "", words: str = "") -> Any:
+    """The option `--name METAVAR`; one that a single command has finds its words in `commands.toml`, others by their
+    name or by `words` in `sentences.toml`. `reads`: what the file is that it names.
     """
-    return typer.Option(name, metavar=metavar, help=words, callback=_readable(reads))
+    return typer.Option(name, metavar=metavar, help=words_of(words or name), callback=_readable(reads))
 
 
 def _readable(what: str) -> Callable[[Any], Any] | None:
@@ -71,7 +77,7 @@ def seconds(text: str, name: str) -> float:
     return value
 
 
-def several(name: str, metavar: str, words: str = "", taken_in: str = "", reads: str = "") -> Any:
+def several(name: str, metavar: str, taken_in: str = "", reads: str = "") -> Any:
     """An option that may be given several times; the function `taken_in` (`module:name`) reads it first."""
 
     def take_in(paths: list[Path]) -> list[Path]:
@@ -80,54 +86,28 @@ def several(name: str, metavar: str, words: str = "", taken_in: str = "", reads:
         return paths
 
     use = take_in if taken_in else _readable(reads)
-    return typer.Option(name, metavar=metavar, help=words, default_factory=list, show_default=False, callback=use)
+    more: dict[str, Any] = {"default_factory": list, "show_default": False, "callback": use}
+    return typer.Option(name, metavar=metavar, help=words_of(name), **more)
 
 
-def argument(metavar: str, words: str = "", reads: str = "") -> Any:
-    """The argument METAVAR; `words` and `reads` as those of `option`."""
-    return typer.Argument(metavar=metavar, help=words, callback=_readable(reads))
+def argument(metavar: str, reads: str = "") -> Any:
+    """The argument METAVAR; its words and what it `reads` as those of `option`."""
+    return typer.Argument(metavar=metavar, help=words_of(metavar), callback=_readable(reads))
 
 
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")]
-RigFile = Annotated[Path, option("--rig", "RIG.toml", "The rig file with the nominal values.", "rig file")]
-Records = Annotated[list[Path], argument("RECORD", "Records of one rig.", "record")]
-Learn = Annotated[
-    bool, typer.Option("--learn", help="When the model breaks, identify in the background and use a model that passes.")
-]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, max=MOST_SEED, help="Sets every random number.")]
-RunSeed = Annotated[
-    int | None,
-    typer.Option("--seed", metavar="N", min=0, max=MOST_SEED, help="Sets every random number; else the scenario's."),
-]
-WorkerCount = Annotated[int | None, option("--workers", "N", "Number of processes; else one per core.")]
-Scheduler = Annotated[str | None, option("--scheduler", "ADDRESS", "A Dask scheduler to run on.")]
-ControllerName = Annotated[str | None, option("--controller", "NAME", "Which controller.")]
-LearnedModel = Annotated[Path | None, option("--model", "MODEL.toml", "A model that close-loop wrote.", "model")]
-Stage = Annotated[str, option("--stage", _STAGES, "Which model.")]
-StageOrScenario = Annotated[
-    str | None, option("--stage", f"{_STAGES}/chosen", "Which model; chosen: what is expected to track best.")
-]
-OwnEffects = Annotated[
-    list[Path], several("--effects", "FILE.py", "Effects of your own; may be given several times.", reads=OWN_EFFECTS)
-]
-OwnControllers = Annotated[
-    list[Path],
-    several(
-        "--controllers",
-        "FILE.py",
-        "Controllers of your own; may be given several times.",
-        "controller.registry:use_controllers",
-    ),
-]
-ReferenceFile = Annotated[
-    Path | None,
-    option(
-        "--reference",
-        "FILE.toml",
-        "Reference in place of its own: next_experiment.toml of close-loop.",
-        "reference file",
-    ),
-]
-McapFile = Annotated[
-    Path | None, option("--mcap", "FILE.mcap", "Signals of the bus as MCAP, beside the log, while it runs.")
-]
+Json = Annotated[bool, typer.Option("--json", help=words_of("--json"))]
+RigFile = Annotated[Path, option("--rig", "RIG.toml", "rig file", "of_records")]
+Records = Annotated[list[Path], argument("RECORD", "record")]
+Learn = Annotated[bool, typer.Option("--learn", help=words_of("--learn"))]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, max=MOST_SEED, help=words_of("--seed"))]
+RunSeed = Annotated[int | None, typer.Option("--seed", metavar="N", min=0, max=MOST_SEED, help=words_of("seed_of_run"))]
+WorkerCount = Annotated[int | None, option("--workers", "N")]
+Scheduler = Annotated[str | None, option("--scheduler", "ADDRESS")]
+ControllerName = Annotated[str | None, option("--controller", "NAME")]
+LearnedModel = Annotated[Path | None, option("--model", "MODEL.toml", "model")]
+Stage = Annotated[str, option("--stage", _STAGES)]
+StageOrScenario = Annotated[str | None, option("--stage", f"{_STAGES}/chosen", words="stage_or_chosen")]
+OwnEffects = Annotated[list[Path], several("--effects", "FILE.py", reads="Python file with effects")]
+OwnControllers = Annotated[list[Path], several("--controllers", "FILE.py", "controller.registry:use_controllers")]
+ReferenceFile = Annotated[Path | None, option("--reference", "FILE.toml", "reference file")]
+McapFile = Annotated[Path | None, option("--mcap", "FILE.mcap")]

@@ -10,11 +10,12 @@ import can
 import numpy as np
 
 from controller.closed_loop import Tick
-from controller.drives import envelope_of, friction_command
+from controller.drives import envelope_of
 from controller.limits import Envelope
 from controller.reference import Excursion, Experiment
 from controller.signals import Action, Array, Estimate, Measurement, Reference
 from controller.supervision.contradiction import CONTRADICT
+from controller.supervision.loose import resistance_of
 from controller.supervision.probe import Probe
 from hil.nodes import frame_map as wire
 from hil.nodes import view
@@ -88,8 +89,8 @@ class ControllerNode:
         fence = Fence.of(self.envelope, self.frame_map, self.tick_s)
         self.guard = Guard(bus, self.frame_map, fence, dry=dry_run, observe=observer)
         self.state, self.reason, self.end = IDLE, "", "stopped"
-        friction = friction_command(task.model, self.envelope)
-        self.answer = Onlooker(self.envelope, self.frame_map.drive.rests, self.tick_s, task.seen_noise_m, friction)
+        resistance = resistance_of(task.model, self.envelope)
+        self.answer = Onlooker(self.envelope, self.frame_map.drive.rests, self.tick_s, task.seen_noise_m, resistance)
         self._probe: Probe | None = None
         self._probed = False
         lag_ticks = 2 + math.ceil(_LAG_S / self.tick_s)
@@ -403,5 +404,7 @@ class ControllerNode:
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)
         self.supervisor.temperature_C = self.receiver.temperature_C
-        self._own.room = self.answer.contradiction.room
-        return self.supervisor.act(now + self.tick_s, estimate, self._reference)
+        self._own.room = self.answer.contradiction.loose.room
+        action = self.supervisor.act(now + self.tick_s, estimate, self._reference)
+        self.answer.contradiction.loose.sent(now + self.tick_s, action.command, self.tick_s)
+        return action

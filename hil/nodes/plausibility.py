@@ -11,6 +11,7 @@ from controller.monitor import Health
 from controller.signals import Measurement, Reference
 from controller.supervision.contradiction import CONFIRMED, Contradiction
 from controller.supervision.fallback import not_led
+from controller.supervision.loose import Resistance
 from controller.supervision.probe import Probe
 from controller.tuned import OLDEST_S
 from hil.nodes.frame_map import STANDBY, WAITING
@@ -114,10 +115,10 @@ class Onlooker:
     `unrest` describes motion of a drive in standby or ready, "" without any.
     """
 
-    def __init__(self, envelope: Envelope, rests: float, tick_s: float, noise_m: float, friction: float) -> None:
-        """`rests` is `Driven.rests`; `friction` is the command that overcomes friction."""
+    def __init__(self, envelope: Envelope, rests: float, tick_s: float, noise_m: float, resistance: Resistance) -> None:
+        """`rests` is `Driven.rests`;"""
         self._tick_s, self._placed = tick_s, envelope.placed
-        self.contradiction = Contradiction(envelope, noise_m, friction)
+        self.contradiction = Contradiction(envelope, noise_m, resistance)
         self._ticks = deque[tuple[float, float, float]](maxlen=2 + math.ceil(OLDEST_S / tick_s))
         self.led: Counter[str] = Counter()
         self.unrest, self._rested, self._most = "", math.nan, rests

@@ -29,7 +29,6 @@ points. It is a third of the whole library, which a browser takes over a second 
 
 @cache
 def environment(folder: Path = TEMPLATES) -> Environment:
-    """The templates in `folder`, with filters for words and quantities."""
     made = Environment(
         loader=FileSystemLoader(folder),
         autoescape=lambda name: name is None or ".html" in name,
@@ -57,8 +56,6 @@ def _put(pattern: str, markup: str, text: str) -> Markup:
 
 
 class _Parts:
-    """What a template puts on its page."""
-
     def __init__(self) -> None:
         self.head: dict[str, Any] = {}
         self.sections: list[tuple[str, str, str]] = []

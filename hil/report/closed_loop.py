@@ -70,10 +70,7 @@ def _head(finding: Finding) -> dict[str, Any]:
     """Headline and lead; a warning where the report allows no verdict or checks fail."""
     train = sum(trace.role != "holdout" for trace in finding.traces)
     failed = [check for check in finding.checks if not check.ok]
-    doubts = [*finding.reasons] or [
-        TEXT("doubt.check", name=check.name, value=check.value, limit=check.limit, meaning=check.meaning)
-        for check in failed
-    ]
+    doubts = [*finding.reasons] or [TEXT("doubt.check", check=check) for check in failed]
     doubts += [found.sentence for found in finding.findings if found.id == WORSE and found.sentence not in doubts]
     doubt = "failed" if failed else "unknown" if finding.verdict == "unknown" else "worse"
     return {

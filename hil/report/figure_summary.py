@@ -58,9 +58,11 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
     look: dict[str, Any] = {"row_heights": [max(size, 3) for size in sizes]}
     look |= {"subplot_titles": [t for k in rounds for t in (f"round {k}: screened", _GAIN)]}
     figure = grid(len(rounds), 2, _ROOM / _height(sizes), 0.04, **look)
+    colour = {name: ALIKE for effect in finding.effects for name in effect.equivalent}
+    colour |= {effect.id: CHOSEN for effect in finding.effects}
     for panel, rows in enumerate(shown.values(), start=1):
         names = [effect_words(row.id) for row in rows]
-        colours = [_colour(finding, row.id) for row in rows]
+        colours = [colour.get(row.id, OTHER) for row in rows]
         notes = [row.note for row in rows]
         for column, values in enumerate(([100 * row.screened for row in rows], [row.gain for row in rows]), start=1):
             here = {"orientation": "h", "showlegend": False, "row": panel, "col": column}
@@ -74,12 +76,6 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
 
 def _height(sizes: list[int]) -> int:
     return 80 + sum(24 * max(size, 3) + _ROOM for size in sizes)
-
-
-def _colour(finding: Finding, effect: str) -> str:
-    if any(effect == found.id for found in finding.effects):
-        return CHOSEN
-    return ALIKE if any(effect in found.equivalent for found in finding.effects) else OTHER
 
 
 def _finite(value: float | None) -> bool:

@@ -148,7 +148,6 @@ def _markers(figure: go.Figure, panel: Panel, factor: float) -> None:
 
 
 def names(records: Sequence[Record]) -> str:
-    """The names of the first records."""
     return listed(record.name for record in records[:3]) + (" and more" if len(records) > 3 else "")
 
 

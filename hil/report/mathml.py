@@ -22,7 +22,6 @@ _DIGITS: Final = 4
 
 
 def equations_html(lines: Iterable[Line]) -> Markup:
-    """All lines as one block."""
     rows = [Markup('<div class="line">{}</div>').format(line_html(line)) for line in lines]
     return Markup('<div class="math" tabindex="0">{}</div>').format(Markup("").join(rows))
 

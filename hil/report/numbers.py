@@ -12,16 +12,18 @@ from hil.report.words import PARTS, column_words, error_cells, interpolation, pa
 from models.effects import effect_words
 from models.effects.equation import LETTERS
 from models.formula import line_text
-from models.identification.finding import NEXT_TOML, STAGES, Finding, Fitted, FoundEffect, Profile
+from models.identification.finding import NEXT_TOML, STAGES, Finding, Fitted, FoundEffect
 from models.identification.fitting.profile import LINE
 from models.words.quantities import DASH, change, measured_unit, number, percent, plain, quantity, scale, with_interval
 
-_RENAMED: Final = {"identifiable": "told"}
-"""Names of fields that stand under another key in JSON."""
 _LOG: Final = "log10_"
-
-
-_as_json = partial(asdict, dict_factory=lambda items: {_RENAMED.get(name, name): value for name, value in items})
+_AS_IT_IS: Final = (
+    "next_experiment", "smallest_detectable", "seconds", "kind", "nominal", "cannot_show", "reasons", "statements",
+    "leading", "stopped", "timings",
+)  # fmt: skip
+"""What `report.json` has of a finding under the same name."""
+# what is identifiable stands under `told`
+_as_json = partial(asdict, dict_factory=lambda pairs: {"told" if k == "identifiable" else k: v for k, v in pairs})
 
 
 def report_json(finding: Finding) -> dict[str, Any]:
@@ -38,27 +40,17 @@ def report_json(finding: Finding) -> dict[str, Any]:
             "noise_floor": finding.noise_floor,
             "beside": {name: asdict(column) for name, column in finding.beside.items()},
         },
-        "next_experiment": finding.next_experiment,
         "next_experiment_file": proposal and NEXT_TOML,
         "next_experiment_separates": [_as_json(one) for one in proposal.separations] if proposal else [],
         "next_experiment_shows": list(proposal.shows) if proposal else [],
-        "smallest_detectable": finding.smallest_detectable,
-        "seconds": finding.seconds,
-        "kind": finding.kind,
         "calibration": {
             name: {"nominal": finding.nominal.get(name), **_as_json(estimate)}
             for name, estimate in finding.calibration.items()
         },
-        "nominal": finding.nominal,
         "checks": [{**_as_json(check), "passed": check.ok} for check in finding.checks],
         "findings": [found.to_dict() for found in finding.findings],
-        "cannot_show": finding.cannot_show,
-        "reasons": list(finding.reasons),
         "candidates": [_as_json(candidate) for candidate in finding.candidates],
-        "statements": list(finding.statements),
-        "leading": list(finding.leading),
-        "stopped": finding.stopped,
-        "profiles": {one.name: _profile(one) for one in finding.profiles},
+        "profiles": {one.pop("name"): {**one, "line95": LINE} for one in map(asdict, finding.profiles)},
         "disagreeing_records": [_as_json(one) for one in finding.disagreeing],
         "equations": [line_text(line) for line in finding.equations],
         "records": [
@@ -67,25 +59,14 @@ def report_json(finding: Finding) -> dict[str, Any]:
             for trace in finding.traces
         ],
         "residual": finding.dependence and _as_json(finding.dependence),
-        "timings": finding.timings,
     }
-    cleaned: dict[str, Any] = plain(document)
+    cleaned: dict[str, Any] = plain(document | {name: getattr(finding, name) for name in _AS_IT_IS})
     return cleaned
 
 
-def _profile(profile: Profile) -> dict[str, Any]:
-    return {name: value for name, value in asdict(profile).items() if name != "name"} | {"line95": LINE}
-
-
-_OF_CONFIDENCE: Final = ("score", "calibrated", "meaning")
-"""Fields of an effect whose keys begin with `confidence`."""
-
-
 def _effect(effect: FoundEffect) -> dict[str, Any]:
-    found = _as_json(effect)
-    curves = found.pop("curves")
-    keys = {name: f"confidence_{name}" for name in _OF_CONFIDENCE}
-    return {keys.get(name, name): value for name, value in found.items()} | {"curves": curves}
+    keys = {name: f"confidence_{name}" for name in ("score", "calibrated", "meaning")}
+    return {keys.get(name, name): value for name, value in _as_json(effect).items()}
 
 
 def error_rows(finding: Finding) -> list[list[str]]:
@@ -123,10 +104,9 @@ def parameters(
         low, high = (factor * end for end in estimate.ci95)
         words, before = with_interval(factor * estimate.value, (low, high)), believed.get(name)
         value = words.value if estimate.identifiable else number(factor * estimate.value, 3)
-        row: dict[str, Any] = {"name": name, "symbol": symbol_html(symbols.get(name, "")), "unit": unit}
-        row |= {"nominal": None if before is None else factor * before}
-        row |= {"value": value, "low": words.low, "high": words.high, "identifiable": estimate.identifiable}
-        rows.append(row | {"drawn": _change_drawn(before, estimate)})
+        row: dict[str, Any] = {"name": name, "symbol": symbol_html(symbols.get(name, "")), "unit": unit, "value": value}
+        row |= {"low": words.low, "high": words.high, "identifiable": estimate.identifiable}
+        rows.append({**row, "nominal": before and factor * before, "drawn": _change_drawn(before, estimate)})
     return {"rows": rows, "compared": nominal is not None, "lettered": any(row["symbol"] for row in rows)}
 
 

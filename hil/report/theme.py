@@ -36,12 +36,10 @@ def line_look(number: int) -> dict[str, Any]:
 
 
 def symbol(number: int) -> str:
-    """The marker of series `number`."""
     return SYMBOLS[number % len(SYMBOLS)]
 
 
 def styled(figure: go.Figure, height: int, **layout: Any) -> go.Figure:
-    """The figure in the pages' look."""
     figure.update_layout(
         template="none",
         height=height,

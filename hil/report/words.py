@@ -44,7 +44,6 @@ def beyond_words(found: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 
 def covered_words(covered: Mapping[str, Sequence[float]]) -> str:
-    """The ranges of a model's records, in a sentence."""
     return TEXT("validity.covered", signals=(_range_words(*entry) for entry in covered.items()))
 
 
@@ -91,13 +90,11 @@ def classes_words(finding: Finding) -> list[str]:
 
 
 def verdict_words(finding: Finding) -> str:
-    """The verdict and the effects that it names."""
     names = listed(classes_words(finding))
     return f"{finding.verdict}: {names}" if names else finding.verdict
 
 
 def headline(finding: Finding) -> str:
-    """The verdict in one or two sentences."""
     names = classes_words(finding)
     if finding.verdict == "named":
         key = "equivalent" if any(effect.equivalent for effect in finding.effects) else "named"

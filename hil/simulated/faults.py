@@ -30,6 +30,7 @@ class FaultKind:
     needs: str = ""
     rigs: tuple[str, ...] = ()
     lie: bool = False
+    safe_s: float = math.nan
 
 
 KINDS: Final = TypeAdapter(dict[str, FaultKind]).validate_python(beside(__file__, "faults.toml"))

@@ -42,11 +42,6 @@ def treated(record: Record, case: str, **values: Any) -> Record:
     return replace(record, treated=(*(record.treated or ()), TEXT(f"treated.{case}", **values)))
 
 
-def resampled(even: Record, record: Record) -> Record:
-    """`even`, which says that it is `record` at even times, and what was done to that."""
-    return treated(replace(even, treated=record.treated), "resampled", n=len(record))
-
-
 @once
 def usable(view: View) -> Mask:
     """Where the measured column holds a value of its own: new, not clipped, no outlier, not filled in."""

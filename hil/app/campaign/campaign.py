@@ -1,5 +1,6 @@
 """`capsule campaign`: thousands of closed loops, or `close-loop` on many series, resumed after an interruption."""
 
+import io
 import json
 import shlex
 from collections.abc import Iterable, Sequence
@@ -31,6 +32,7 @@ RESULTS, TABLE, PAGE, NUMBERS = "results.jsonl", "results.parquet", "campaign.ht
 REPORTS: Final = "series"
 SERIES_LIMIT_S: Final = 6 * 3600.0  # longest close-loop of a series
 _SHOWN: Final = 5  # worst cases that the terminal shows
+_FAILED_RUNS: Final = 5  # that are listed of each error
 _MARK: Final = "close-loop over folders"  # Marks the results of series; each series has a hash of its own
 Outcome = tuple[dict[str, Any], Sequence[str | Table], bool]
 """The numbers, the lines for the terminal, and whether a run failed."""
@@ -113,8 +115,8 @@ def document(plan: Campaign, runs: Runs, repeat: str) -> dict[str, Any]:
         "all": runs.summary(),
         "groups": {name: runs.summary(which) for name, which in runs.groups().items()},
         "failures": [
-            {"error": one.error, "count": one.count, "runs": one.runs, "repeat": f"{repeat} --run {one.runs[0]}"}
-            for one in runs.failures.values()
+            {"error": error, "count": len(those), "runs": those[:_FAILED_RUNS], "repeat": f"{repeat} --run {those[0]}"}
+            for error, those in runs.failures.items()
         ],
         "worst": [
             {"run": row["run"], "value": value_of(row, metric), "point": row["point"]}
@@ -199,15 +201,11 @@ def write_table(path: Path, rows: Iterable[Row]) -> str:
 
     kinds = dict.fromkeys(_TEXTS, pyarrow.string()) | {"seed": pyarrow.int64(), "unsafe": pyarrow.bool_()}
     schema = pyarrow.schema(kinds | dict.fromkeys(("seconds", *METRICS), pyarrow.float64()))
-    draft = path.with_name(f".{path.name}.part")
-    try:
-        with pyarrow.parquet.ParquetWriter(draft, schema, compression="zstd") as writer:
-            cells = map(_cells, rows)
-            while batch := list(islice(cells, _BATCH)):
-                writer.write_table(pyarrow.Table.from_pylist(batch, schema))
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
+    cells, sink = map(_cells, rows), io.BytesIO()
+    with pyarrow.parquet.ParquetWriter(sink, schema, compression="zstd") as writer:
+        while batch := list(islice(cells, _BATCH)):
+            writer.write_table(pyarrow.Table.from_pylist(batch, schema))
+    write_files({path: sink.getvalue()})
     return str(path)
 
 

@@ -19,6 +19,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -47,20 +48,14 @@ def distribution(key: str, table: Any) -> Distribution:
     check_known([kind], _DRAWS, f'draw."{key}" must have one of')
     if not isinstance(numbers, list) or not numbers:
         raise ValueError(f'draw."{key}" {kind} must be a list; got {numbers!r}')
-    if kind != "choice" and not _are_bounds(kind, numbers):
+    whole, most = kind == "integer", _MOST_INTEGER if kind == "integer" else _MOST
+    known = all(isinstance(n, int if whole else int | float) and not isinstance(n, bool) for n in numbers)
+    bounds = known and len(numbers) == 2 and -most < numbers[0] <= numbers[1] < most
+    if kind != "choice" and not (bounds and (kind != "log_uniform" or numbers[0] > 0)):
         own = {"integer": "integers of at most 15 digits", "log_uniform": "positive numbers"}
         what = own.get(kind, "finite numbers")
         raise ValueError(f'draw."{key}" {kind} must be [lower, upper], {what}; got {numbers!r}')
     return kind, tuple(numbers)
-
-
-def _are_bounds(kind: str, numbers: list[Any]) -> bool:
-    known = int if kind == "integer" else int | float
-    if len(numbers) != 2 or not all(isinstance(n, known) and not isinstance(n, bool) for n in numbers):
-        return False
-    lower, upper = numbers
-    most = _MOST_INTEGER if kind == "integer" else _MOST
-    return bool(-most < lower <= upper < most and (kind != "log_uniform" or lower > 0))
 
 
 _MOST: Final = 1e300  # what a drawn number may be
@@ -127,17 +122,8 @@ class Campaign:
     def fingerprint(self) -> str:
         """The hash of everything that the runs depend on, except the program."""
         head = self.head
-        identity = [
-            head.engine,
-            head.cases,
-            head.seed,
-            head.stage,
-            self.raw,
-            self.draws,
-            self.combinations,
-            self.values,
-        ]
-        return hashlib.sha256(json.dumps(identity, sort_keys=True, default=dict).encode()).hexdigest()[:16]
+        parts = [head.engine, head.cases, head.seed, head.stage, self.raw, self.draws, self.combinations, self.values]
+        return hashlib.sha256(json.dumps(parts, sort_keys=True, default=dict).encode()).hexdigest()[:16]
 
 
 def load_campaign(path: Path) -> Campaign:
@@ -154,11 +140,12 @@ def load_campaign(path: Path) -> Campaign:
         names = ["case", *draws, *grid, *variants]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise ValueError(f"names in draw, grid and variants must differ, and none be 'case'; got {twice!r} twice")
-        axes = [*_grid(grid), *_variants(variants)]
+        axes: list[list[tuple[Table, Table]]] = [[({}, {})], *_grid(grid), *_variants(variants)]
         runs = head.cases * math.prod(len(axis) for axis in axes)
         if runs > MOST_RUNS:
             raise ValueError(f"campaign must have at most {MOST_RUNS} runs; got {runs}")
-        combinations = [_combined(choice) for choice in itertools.product(*axes)]
+        chosen = (zip(*choice, strict=True) for choice in itertools.product(*axes))
+        combinations = [(reduce(laid_over, over), reduce(laid_over, point)) for over, point in chosen]
         campaign = Campaign(path.stem, head, scenario, draws, combinations, values)
         for which in range(min(len(combinations), 256)):
             tables = campaign.job(which).raw
@@ -212,14 +199,6 @@ def _variants(table: Table) -> list[list[tuple[Table, Table]]]:
                 raise ValueError(f"variants.{axis} must have a name and tables under set; got {got!r}")
         axes.append([(one.get("set", {}), {axis: one["name"]}) for one in choices])
     return axes
-
-
-def _combined(choice: Sequence[tuple[Table, Table]]) -> tuple[Table, Table]:
-    over: dict[str, Any] = {}
-    point: dict[str, Any] = {}
-    for tables, names in choice:
-        over, point = laid_over(over, tables), {**point, **names}
-    return over, point
 
 
 def _table(raw: Table, name: str) -> Table:

@@ -2,7 +2,6 @@
 
 import heapq
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -22,7 +21,6 @@ _NUMBERS: Final = ("median", "p95", "max")
 _EACH: Final = 40  # Runs up to which the spread shows each one
 _POINTS: Final = 400  # runs of a group that are drawn each; more are drawn as medians and quantiles
 _BINS: Final = 24
-_FAILED_RUNS: Final = 5  # that are listed of each error
 
 
 def value_of(row: Row, metric: str) -> float:
@@ -32,27 +30,17 @@ def value_of(row: Row, metric: str) -> float:
 
 
 def unsafe(row: Row) -> bool:
-    """Whether a fault ended unsafe."""
     return any(fault["unsafe"] for fault in row.get("result", {}).get("faults", []))
-
-
-@dataclass
-class Failure:
-    """One error of runs: how many, and the first of them."""
-
-    error: str
-    count: int = 0
-    runs: list[int] = field(default_factory=list)
 
 
 class Runs:
     """The runs of a campaign in columns, whatever their number: `values` of the metric, `unsafe`, `violations`, the
     `drawn` values by key, and the number of the combination `at`; the `worst` rows of those that did not fail, and the
-    `failures` by error.
+    numbers of those that did by error (`failures`).
     """
 
     def __init__(self, rows: Iterable[Row], metric: str, draws: Sequence[str] = ()) -> None:
-        self.metric, self.failures, self.seconds = metric, dict[str, Failure](), 0.0
+        self.metric, self.failures, self.seconds = metric, dict[str, list[int]](), 0.0
         self.combinations: list[dict[str, Any]] = []
         known, columns = dict[str, int](), list[tuple[float, ...]]()
         worst: list[tuple[tuple[bool, float, int], Row]] = []
@@ -72,9 +60,7 @@ class Runs:
             if not error:
                 (heapq.heappush if len(worst) < WORST else heapq.heappushpop)(worst, (badness, row))
             else:
-                failure = self.failures.setdefault(error, Failure(error))
-                failure.count += 1
-                failure.runs += [row["run"]] * (failure.count <= _FAILED_RUNS)
+                self.failures.setdefault(error, []).append(row["run"])
         table = np.array(columns, dtype=float).reshape(len(columns), 5 + len(draws))
         self.run, self.at = table[:, 0].astype(int), table[:, 1].astype(int)
         self.values, self.unsafe, self.violations = table[:, 2], table[:, 3], table[:, 4]
@@ -142,7 +128,7 @@ def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None, ve
         missing=(planned or len(runs)) - len(runs),
         groups={group: runs.summary(which) for group, which in parted.items()},
         summed=any(which.size > _POINTS for which in parted.values()),
-        failures=sorted(runs.failures.values(), key=lambda one: -one.count),
+        failures=sorted(runs.failures.items(), key=lambda one: -len(one[1])),
         worst=[(row, value_of(row, metric), _point_words(row["point"])) for row in runs.worst],
         spread=_spread(runs, parted, label, factor),
         over=[(key_words(key)[0], _over(runs, parted, key, x, label, factor)) for key, x in runs.over().items()],
@@ -150,7 +136,6 @@ def page_html(name: str, runs: Runs, repeat: str, planned: int | None = None, ve
 
 
 def key_words(key: str) -> tuple[str, str]:
-    """Name and unit of a scenario's key."""
     return column_words(key.rpartition(".")[2])
 
 

@@ -92,34 +92,26 @@ def find_series(folders: Sequence[Path], out: Path, effects: Sequence[Path] = ()
         digest.update(path.read_bytes())
     own = tuple(path.resolve() for path in effects)
     names = {folder: _name(folder.relative_to(common)) for folder in sorted(found)}
-    often = Counter(names.values())
-    return [
-        _series(folder, common, name, often[name] > 1, out.resolve(), own, seed, digest.copy())
-        for folder, name in names.items()
-    ]
+    often, series = Counter(names.values()), list[Series]()
+    for folder, name in names.items():
+        records, of_it = list(_records(folder)), digest.copy()
+        of_it.update(os.fsencode(folder.relative_to(common)))
+        for path in (folder / RIG, *records):
+            of_it.update(os.fsencode(path.relative_to(folder)))
+            for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+                with contextlib.suppress(OSError):  # the run says what cannot be read
+                    of_it.update(file.read_bytes() if file.is_file() else b"")
+        held = tuple(path for path in records if path.relative_to(folder).parts[0].startswith(HELD_OUT))
+        train, number = tuple(path for path in records if path not in held), of_it.hexdigest()[:16]
+        own_name = f"{name} {number[:8]}" if often[name] > 1 else name
+        series.append(Series(number, own_name, folder, train, held, out.resolve() / own_name, own, seed))
+    return series
 
 
 def _name(path: Path) -> str:
     """Its parts with codes for what is no text, an end of a line or a control character; long ones are cut."""
     parts = [printable(text_of(part)).replace("\n", "\\n").replace("\t", "\\t") for part in path.parts]
     return "/".join(part if len(part.encode()) <= _LONGEST else part[: _LONGEST // 4] for part in parts)
-
-
-def _series(
-    folder: Path, common: Path, name: str, twice: bool, out: Path, effects: tuple[Path, ...], seed: int, digest: Any
-) -> Series:
-    records = list(_records(folder))
-    digest.update(os.fsencode(folder.relative_to(common)))
-    for path in (folder / RIG, *records):
-        digest.update(os.fsencode(path.relative_to(folder)))
-        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-            with contextlib.suppress(OSError):  # the run says what cannot be read
-                digest.update(file.read_bytes() if file.is_file() else b"")
-    held = tuple(path for path in records if path.relative_to(folder).parts[0].startswith(HELD_OUT))
-    train = tuple(path for path in records if path not in held)
-    number = digest.hexdigest()[:16]
-    name += f" {number[:8]}" * twice
-    return Series(number, name, folder, train, held, out / name, effects, seed)
 
 
 def _records(folder: Path) -> Iterator[Path]:

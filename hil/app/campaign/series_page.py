@@ -2,7 +2,8 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from statistics import median
 from typing import Any, Final
 
@@ -12,7 +13,6 @@ from hil.report.theme import STAGE_COLOURS
 from models.words.quantities import number
 
 MARKS: Final = {"named": "●", "none": "○", "unknown": "?", "refused": "✕"}
-_COUNTED: Final = ("named", "none", "unknown", "refused")
 WIDTH, EDGE = 230, 9  # pixels of the drawing of a series
 
 
@@ -41,14 +41,14 @@ def page_html(answers: Sequence[SeriesAnswer], missing: int = 0, version: str = 
         series=sorted(answers, key=lambda a: (ORDER.index(a.verdict), not a.disagrees, a.name)),
         marks=MARKS,
         most=most,
-        drawing=_drawing(most),
+        drawing=partial(_drawn, most),
         colours=STAGE_COLOURS,
         findings=weak.most_common(),
     )
 
 
 def headline(answers: Sequence[SeriesAnswer]) -> str:
-    counts = {verdict: count for verdict in _COUNTED if (count := verdicts(answers)[verdict])}
+    counts = {verdict: count for verdict in MARKS if (count := verdicts(answers)[verdict])}
     words = [TEXT(f"verdicts.{verdict}", count=count) for verdict, count in counts.items()]
     return TEXT("headline", count=len(answers), verdicts=words)
 
@@ -62,25 +62,22 @@ def _lead(answers: Sequence[SeriesAnswer]) -> str:
     return TEXT("better", where=where, times=float(median(answer.better for answer in compared)))
 
 
-def _drawing(most: int) -> Callable[[SeriesAnswer], dict[str, Any] | None]:
-    """What draws a series on an axis from a half to 10^`most` noise floors: positions in px of its stages, the
-    augmented one only where it has an effect, and of the axis' marks. It gives None without a noise floor.
+def _drawn(most: int, answer: SeriesAnswer) -> dict[str, Any] | None:
+    """A series on an axis from a half to 10^`most` noise floors: positions in px of its stages, the augmented one only
+    where it has an effect, and of the axis' marks. None without a noise floor.
     """
 
     def at(share: float) -> float:
         shown = math.log(2 * share) / math.log(2 * 10.0**most)
         return EDGE + (WIDTH - 2 * EDGE) * min(max(shown, 0.0), 1.0)
 
-    def drawn(answer: SeriesAnswer) -> dict[str, Any] | None:
-        if not answer.floor > 0:
-            return None
-        shown = [stage for stage in STAGE_COLOURS if stage != "augmented" or answer.effects]
-        shares = {stage: answer.errors[stage] / answer.floor for stage in shown if answer.errors[stage] > 0}
-        return {
-            "said": ", ".join(f"{stage} {number(share, 3)}" for stage, share in shares.items()),
-            "stages": [(stage, at(share)) for stage, share in shares.items()],
-            "decades": [at(10.0**power) for power in range(1, 1 + most)],
-            "floor": at(1.0),
-        }
-
-    return drawn
+    if not answer.floor > 0:
+        return None
+    shown = [stage for stage in STAGE_COLOURS if stage != "augmented" or answer.effects]
+    shares = {stage: answer.errors[stage] / answer.floor for stage in shown if answer.errors[stage] > 0}
+    return {
+        "said": ", ".join(f"{stage} {number(share, 3)}" for stage, share in shares.items()),
+        "stages": [(stage, at(share)) for stage, share in shares.items()],
+        "decades": [at(10.0**power) for power in range(1, 1 + most)],
+        "floor": at(1.0),
+    }

@@ -6,7 +6,7 @@ import os
 import socket
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from controller.model.control_model import ControlModel
 from hil.app.campaign.series_answers import OUTSIDE, TEXT
 from hil.app.cluster import program_version
 from hil.app.console import note, printable
-from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
+from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
 from hil.app.sil.sil import judged
 from hil.app.sil.testbed import believed_on_bus
@@ -70,24 +70,22 @@ class Loop:
         """What the engine prints with --json. Raises ValueError for a scenario that cannot be run."""
         if self.engine == "sil":
             over_bus = parse_sil_scenario(self.raw)
-            return judged(over_bus, _model(over_bus, self.values), None, self.seed, self.stage)[0]
+            model = _model(over_bus.loop, self.values, "sil", lambda: believed_on_bus(over_bus, self.values))
+            return judged(over_bus, model, None, self.seed, self.stage)[0]
         scenario = parse_track_scenario(self.raw)
         name = scenario.control.controller
-        trace = run_loop(scenario, _model(scenario, self.values), name, self.seed)
+        model = _model(scenario, self.values, "track", lambda: believed_model(scenario, self.values))
+        trace = run_loop(scenario, model, name, self.seed)
         return document(scenario, name, self.seed, self.stage, score(scenario, trace))
 
 
-def _model(scenario: TrackScenario | SilScenario, values: Theta) -> ControlModel:
+def _model(loop: TrackScenario, values: Theta, engine: str, build: Callable[[], ControlModel]) -> ControlModel:
     """The control model; runs of one belief, tick and learned values share it."""
-    loop = scenario.loop if isinstance(scenario, SilScenario) else scenario
-    key = (type(scenario), repr(loop.belief), loop.control.tick_s, tuple(sorted(values.spelled().items())))
+    key = (engine, repr(loop.belief), loop.control.tick_s, tuple(sorted(values.spelled().items())))
     if key not in _MODELS:
         if len(_MODELS) >= _MOST_MODELS:
             del _MODELS[next(iter(_MODELS))]
-        if isinstance(scenario, SilScenario):
-            _MODELS[key] = believed_on_bus(scenario, values)
-        else:
-            _MODELS[key] = believed_model(scenario, values)
+        _MODELS[key] = build()
     return _MODELS[key]
 
 

@@ -1,22 +1,23 @@
 """The rig, its models and the panels of the page; each line of a panel shows signals of a frame."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from hil.app.cockpit.phrases import TEXT, grade_of, tips, words
+from hil.app.cockpit.phrases import TEXT, grade_of, words
 from hil.app.scenario.model_use import model_facts
 from hil.bus.catalogue import FrameCatalogue
 from hil.bus.codec import without_absent
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
 from hil.nodes.task import Task
+from models.files.toml import beside
 
 Values = Mapping[str, float]
 Span = tuple[float, float]
 STDS: Final = 2.0  # Half the width of the estimate's band, in standard deviations
 _MOTION: Final = "BelievedMotion"
-_MM, _MN, _PERCENT = 1e3, 1e3, 100.0  # in a metre; mN in a newton
+_PANELS: Final = beside(__file__, "panels.toml")["panel"]
 
 
 @dataclass(frozen=True)
@@ -53,73 +54,42 @@ class Line:
         middle = self.factor * middle if values.get("Following", 1.0) else math.nan
         return None if math.isnan(middle) else (middle - half, middle + half)
 
+    def document(self) -> dict[str, Any]:
+        names: Any = self.names and {raw: [words(state), grade_of(state)] for raw, state in self.names.items()}
+        look = {"name": self.name, "colour": self.colour, "look": self.look, "names": names}
+        return {**look, "tip": TEXT(f"line.{self.tip}")}
+
 
 @dataclass(frozen=True)
 class LivePanel:
-    """Lines over one axis: decimal `places` of readings, smallest `span` shown, dashed `marks`. `tip` and `marked` are
-    the keys of its tooltip and of what the marks mean.
+    """`lines` over one axis, which the `table` describes: decimal `places` of readings, smallest `span` shown, dashed
+    `marks`. `tip` and `marked` are the keys of its tooltip and of what the marks mean.
     """
 
-    title: str
-    tip: str
-    unit: str
+    table: Mapping[str, Any]
     lines: Sequence[Line]
-    places: int = 2
-    span: float = 0.0
-    marks: tuple[float, ...] = ()
-    marked: str = ""
-    strips: bool = False
 
     def document(self) -> dict[str, Any]:
-        lines: list[dict[str, Any]] = []
-        for one in self.lines:
-            names: Any = one.names and {raw: [words(state), grade_of(state)] for raw, state in one.names.items()}
-            look = {"name": one.name, "colour": one.colour, "look": one.look, "names": names}
-            lines.append({**look, "tip": TEXT(f"line.{one.tip}")})
-        axis = {"title": self.title, "unit": self.unit, "places": self.places, "span": self.span}
-        marks = {"marks": list(self.marks), "marked": self.marked and TEXT(f"mark.{self.marked}")}
-        return {**axis, **marks, "tip": TEXT(f"panel.{self.tip}"), "strips": self.strips, "lines": lines}
+        plain = {"places": 2, "span": 0.0, "marks": [], "marked": "", "strips": False, **self.table}
+        said = {"marked": plain["marked"] and TEXT(f"mark.{plain['marked']}"), "tip": TEXT(f"panel.{plain['tip']}")}
+        return {**plain, **said, "lines": [line.document() for line in self.lines]}
 
 
 def panels_of(frame_map: FrameMap, catalogue: FrameCatalogue) -> tuple[LivePanel, ...]:
-    drive, feedback = frame_map.drive, frame_map.feedback
-    word, unit, factor, _ = drive.shown
-    states = [("controller", "ControllerHeartbeat", "State"), (frame_map.node.lower(), feedback, "State")]
-    states += [("wall", _MOTION, "Wall"), ("model", "ModelHealth", "State")]
-    strips = [
-        Line(name, frame, signal, signal.lower(), "strip", names=catalogue[frame].field(signal).names)
-        for name, frame, signal in states
-    ]
-    position = [
-        Line("localisation", "CapsuleLocalisation", "Position_m", "grey", "faint", _MM, "localisation"),
-        Line(f"estimate ± {STDS:g}σ", _MOTION, "Position_m", "teal", "band", _MM, "band"),
-        Line("estimate", _MOTION, "Position_m", "teal", "line", _MM, "estimate"),
-        Line("reference", "WantedMotion", "Position_m", "amber", "dash", _MM, "reference"),
-    ]
-    forces = [
-        Line("force sensor", "ForceReading", "Force_N", "grey", "faint", _MN, "force_sensor"),
-        Line("drive", "BelievedForces", "Drive_N", "blue", "line", _MN, "drive_force"),
-        Line("wall", "BelievedForces", "Wall_N", "red", "line", _MN, "wall_force"),
-        Line("lacking in the model", "BelievedForces", "Lacking_N", "violet", "line", _MN, "lacking"),
-    ]
-    error = Line("error", "WantedMotion", "Position_m", "red", "line", _MM, "error")
-    drives = [
-        Line("reported", feedback, frame_map.signal, "blue", "line", factor, "reported"),
-        Line("command", frame_map.command, frame_map.signal, "amber", "dash", factor, "command"),
-    ]
-    if drive.shaken:  # its feedback has no level, and its force is none on the capsule alone
-        del drives[0], forces[1]
-    innovation = Line("innovation", _MOTION, "Surprise", "blue", tip="innovation")
-    evidence = Line("evidence", "ModelHealth", "Evidence", "red", "line", _PERCENT, "evidence")
-    return (
-        LivePanel("Position", "position", "mm", position, 3, 1.0),
-        LivePanel("Estimate minus reference", "error", "mm", [error], 3, 0.1, (0.0,)),
-        LivePanel(word, "command", unit, drives, 3, 0.01),
-        LivePanel("Forces on the capsule", "forces", "mN", forces, 1, 2.0, (0.0,)),
-        LivePanel("Innovation", "innovation", "σ", [innovation], 1, 6.0, (-3.0, 3.0), "usual"),
-        LivePanel("Evidence against the model", "evidence", "%", [evidence], 0, 110.0, (100.0,), "broken"),
-        LivePanel("States", "states", "", strips, strips=True),
-    )
+    word, unit, factor, _ = frame_map.drive.shown
+    own = {"word": word, "unit": unit, "factor": f"{factor}", "signal": frame_map.signal}
+    own |= {"node": frame_map.node.lower(), "feedback": frame_map.feedback, "command": frame_map.command}
+
+    def filled(table: Mapping[str, Any]) -> dict[str, Any]:
+        return {key: text.format(**own) if isinstance(text, str) else text for key, text in table.items()}
+
+    def line(*, frame: str, signal: str, level: bool = False, factor: float | str = 1.0, **look: Any) -> Iterator[Line]:
+        names = catalogue[frame].field(signal).names if look.get("look") == "strip" else None
+        if not (level and frame_map.drive.shaken):
+            yield Line(frame=frame, signal=signal, factor=float(factor), names=names, **look)
+
+    lines = [[one for table in panel["lines"] for one in line(**filled(table))] for panel in _PANELS]
+    return tuple(map(LivePanel, map(filled, _PANELS), lines))
 
 
 @dataclass(frozen=True)
@@ -137,7 +107,7 @@ class Facts:
             "title": self.title,
             "about": self.about,
             "models": list(self.models),
-            "tips": tips(),
+            "tips": {name: TEXT(f"tip.{name}") for name in beside(__file__, "sentences.toml")["tip"]},
             "panels": [panel.document() for panel in panels_of(self.frame_map, self.catalogue)],
         }
 

@@ -1,31 +1,14 @@
-"""States as phrases with cause and remedy, and what a tooltip says of each number of the page."""
+"""States as phrases with cause and remedy."""
 
-from collections.abc import Mapping
 from typing import Final
 
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
-_GRADES: Final[Mapping[str, tuple[str, ...]]] = {
-    "bad": ("fault", "silent", "broken", "lost"),
-    "doubt": ("derated", "quick_stop", "stopping", "doubtful"),
-    "good": ("enabled", "running", "holds"),
-    "move": ("slips_forward", "slips_backward"),
-}
-TIPS: Final = (
-    *("position", "reference", "error", "model", "drive", "controller", "temperature", "up", "clock"),
-    *("rate", "load", "good", "lost", "unknown", "refused", "refused_frame", "evidence", "alarms", "since"),
-    *("parameter", "rig_file", "event", "number"),
-)
-"""Names of the page's numbers outside its panels."""
-
-
-def tips() -> dict[str, str]:
-    return {name: TEXT(f"tip.{name}") for name in TIPS}
 
 
 def grade_of(state: str) -> str:
-    return next((grade for grade, states in _GRADES.items() if state in states), "note")
+    return TEXT(f"grade.{state}") if f"grade.{state}" in TEXT else "note"
 
 
 def words(name: str) -> str:

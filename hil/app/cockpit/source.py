@@ -9,7 +9,7 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.cockpit.panels import Facts, Line, Values, panels_of
+from hil.app.cockpit.panels import Facts, Line, panels_of
 from hil.app.cockpit.phrases import TEXT
 from hil.app.cockpit.watch import FrameWatch
 from hil.app.run.clock import Clock
@@ -43,12 +43,8 @@ class LineFeed:
 
     def values(self, name: str, last: dict[str, dict[str, float]]) -> list[tuple[int, float, float]]:
         """(line, smallest, largest) of the newest frame `name`; nan where it has no value."""
-        found = []
-        for number in self._by_frame.get(name, ()):
-            of: Values = last[name]
-            span = self.lines[number].value(of, last)
-            found.append((number, *(span if span is not None else (np.nan, np.nan))))
-        return found
+        spans = ((number, self.lines[number].value(last[name], last)) for number in self._by_frame.get(name, ()))
+        return [(number, *(span or (np.nan, np.nan))) for number, span in spans]
 
 
 class Ring:
@@ -59,8 +55,7 @@ class Ring:
         self.feed, self.size = feed, size
         self.bins = np.full((count, size, 2), np.nan, dtype=np.float32)
         self.head = 0
-        self._low, self._high = [np.nan] * count, [np.nan] * count
-        self._seen = [False] * count
+        self._open: dict[int, tuple[float, float]] = {}
         self._last: list[tuple[float, float, float]] = [(-np.inf, np.nan, np.nan)] * count
 
     def add(self, time_s: float, name: str, last: dict[str, dict[str, float]]) -> None:
@@ -68,12 +63,8 @@ class Ring:
         if time_s >= (self.head + 1) * BIN_S:
             self.close(time_s)
         for number, low, high in self.feed.values(name, last):
-            if not self._seen[number]:
-                self._low[number], self._high[number], self._seen[number] = low, high, True
-            elif low == low:
-                first = self._low[number] != self._low[number]
-                self._low[number] = low if first else min(low, self._low[number])
-                self._high[number] = high if first else max(high, self._high[number])
+            lowest, highest = self._open.get(number, (np.nan, np.nan))
+            self._open[number] = float(np.fmin(lowest, low)), float(np.fmax(highest, high))
             self._last[number] = (time_s, low, high)
 
     def close(self, now: float) -> None:
@@ -83,9 +74,8 @@ class Ring:
                 self.bins[:] = np.nan
             slot, end = self.head % self.size, (self.head + 1) * BIN_S
             for number, (at, low, high) in enumerate(self._last):
-                if self._seen[number]:
-                    self.bins[number, slot] = self._low[number], self._high[number]
-                    self._seen[number] = False
+                if number in self._open:
+                    self.bins[number, slot] = self._open.pop(number)
                 elif end - at <= self.feed.holds[number]:
                     self.bins[number, slot] = low, high
                 else:

@@ -62,7 +62,10 @@ class FrameWatch:
         self.count += 1
         self._weigh(time_s, identifier, data)
         if identifier == self._setpoint.id:
-            values = self._by_source(data).accept(data, time_s)
+            # each source of setpoints has its own counter
+            source = self._setpoint.field("Source")
+            number = int.from_bytes(data, "little") >> source.start & ((1 << source.length) - 1)
+            values = self._setpoints.setdefault(number, Receiver(self._setpoint)).accept(data, time_s)
         else:
             values = self.reception.accept(identifier, data, time_s)
         name = self._names.get(identifier, "")
@@ -116,12 +119,6 @@ class FrameWatch:
                 for reason, n in sorted(r.refused.items())
             ],
         }
-
-    def _by_source(self, data: bytes) -> Receiver:
-        """The receiver of setpoints of the source in a frame, as each source has its own counter."""
-        source = self._setpoint.field("Source")
-        number = int.from_bytes(data, "little") >> source.start & ((1 << source.length) - 1)
-        return self._setpoints.setdefault(number, Receiver(self._setpoint))
 
     def _receivers(self) -> list[Receiver]:
         return [*self.reception.receivers.values(), *self._setpoints.values()]

@@ -10,6 +10,7 @@ from controller.choice.choose import Progress
 from controller.signals import Array
 from controller.supervision.acceptance import Acceptance
 from hil.app.close_loop import read_series, result_files
+from hil.app.console import part_of
 from hil.app.papers.analytical import best_miss, thirty_periods
 from hil.app.simulate import write_simulated
 from hil.app.write import write_files
@@ -158,18 +159,15 @@ class NextRecordExample:
             write_simulated(folder / f"{name}.toml", folder / f"{name}.csv")
             return folder / f"{name}.csv"
 
-        def part(begin: float, end: float) -> Progress:
-            return lambda stage, share: report(stage, begin + (end - begin) * share)
-
         records = [record("pass_1", 0), record("pass_2", 1)]
-        unsure, _ = found_in(records, [], rig, before, seed, part(0.0, _SEARCHED))
+        unsure, _ = found_in(records, [], rig, before, seed, part_of(report, 0.0, _SEARCHED))
         if unsure.proposal is not None:
             report("recording what was proposed", _SEARCHED)
             profile = {"kind": "record", "path": f"{BEFORE}/{NEXT_CSV}", "column": unsure.proposal.column}
             length_s = round(float(unsure.proposal.times_s[-1]), 3)
             records.append(record("next", 2, profile, duration_s=length_s))
         held = record(HOLDOUT, 3, self.further, duration_s=self.further_s)
-        finding, _ = found_in(records, [held], rig, folder, seed, part(_SEARCHED, 1.0))
+        finding, _ = found_in(records, [held], rig, folder, seed, part_of(report, _SEARCHED, 1.0))
         return ExampleResult(finding, truth=raw["effects"], before=unsure)
 
 

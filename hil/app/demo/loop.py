@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from controller.choice.choose import Progress
 from controller.supervision.acceptance import Acceptance, judge
-from hil.app.console import json_text
+from hil.app.console import json_text, part_of
 from hil.app.demo.example import HOLDOUT, RIG, SCENARIOS, SEEDS, ExampleResult, Learned, Mission, found_in
 from hil.app.learn.identify import answer_at_once
 from hil.app.scenario.bus_scenario import parse_sil_scenario
@@ -70,11 +70,8 @@ class LoopExample:
             report(f"driving {name}", _DRIVEN * number / len(runs))
             logs[name] = _drive(folder, name, runs[name], Theta(), "nominal", name)[1]
         rig, held = read_rig(folder / RIG), logs.pop(HOLDOUT)
-
-        def searching(stage: str, share: float) -> None:
-            report(stage, _DRIVEN + (_FOUND - _DRIVEN) * share)
-
-        finding, model = found_in([logs[name] for name in sorted(logs)], [held], rig, folder, seed, searching)
+        records, searching = [logs[name] for name in sorted(logs)], part_of(report, _DRIVEN, _FOUND)
+        finding, model = found_in(records, [held], rig, folder, seed, searching)
         gate = dict(admitted(finding, model, rig))
         missions = {}
         accepted = ["nominal", *(stage for stage, verdict in gate.items() if verdict.passed)]

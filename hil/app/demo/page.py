@@ -66,24 +66,14 @@ def _head(example: Example) -> dict[str, str]:
 
 def _line(example: Example, one: ExampleResult) -> dict[str, Any]:
     """An example's numbers in words, and its figures: the missions of a driven one, the motion of a proposed record."""
-    finding, shown = (
-        one.finding,
-        {
-            **_head(example),
-            "result": one,
-            "headline": f"{headline(one.finding)} {confidence_words(one.finding)}".strip(),
-        },
-    )
+    finding, shown = one.finding, {**_head(example), "result": one, "error_words": error_words(one.finding)}
+    shown["headline"] = f"{headline(finding)} {confidence_words(finding)}".strip()
     shown["verdict"] = verdict_words(finding)
     if not one.missions and one.before is None:
         drawn = [panel for trace in finding.traces for panel in panels(finding, trace)][:_MEASURED]
-        return shown | {
-            "measured": [(f"{panel.record}: {panel.quantity}", trace_figure(panel, POINTS)) for panel in drawn],
-            "error_words": error_words(finding),
-        }
+        return shown | {"measured": [(f"{one.record}: {one.quantity}", trace_figure(one, POINTS)) for one in drawn]}
     held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
-    shown |= {"truth": truth_rows(one), "error_words": error_words(finding)}
-    shown["held"] = trace_figure(panels(finding, held)[0], POINTS)
+    shown |= {"truth": truth_rows(one), "held": trace_figure(panels(finding, held)[0], POINTS)}
     if one.before is not None:
         proposal = one.before.proposal
         shown |= {"motion": proposal and motion_figure(proposal), "before": headline(one.before)}
@@ -155,12 +145,18 @@ _SHOWN: Final = 2  # numbers of an effect: its amplitude and, of the plant's and
 
 def story_row(example: Example, one: End) -> list[str]:
     """Title, hidden, found, size of both, and error of the prediction and of the tracking, before and after."""
-    found = one.learnt if isinstance(one, Learned) else [effect.id for effect in one.finding.effects]
-    sizes = _learnt(one) if isinstance(one, Learned) else _found(one)
-    hidden = listed(map(effect_words, one.truth)) or TEXT("row.measured")
-    title = title_of(example)
-    row = [title[:1].upper() + title[1:], hidden, listed(map(effect_words, found)) or TEXT("row.nothing")]
-    return [*row, _sizes(one.truth) or DASH, sizes or DASH, _prediction(one), _tracking(one)]
+    if isinstance(one, Learned):
+        found, sizes, prediction = [*one.learnt], _learnt(one), DASH
+        rms_m = [part["rms_error_m"] for part in one.numbers["parts"] if part["rms_error_m"] is not None][-2:]
+    else:
+        found, sizes = [effect.id for effect in one.finding.effects], _found(one)
+        cells = dict(zip(STAGES, error_cells(one.finding, tested_part(one.finding)), strict=False))
+        prediction = _change(cells[STAGES[0]], cells["augmented" if found else "calibrated"])
+        rms_m = [run.numbers["tracking_rmse_m"] for run in one.missions.values()]
+    tracking = _change(quantity(rms_m[0], "m"), quantity(rms_m[-1], "m")) if rms_m else DASH
+    effects = listed(map(effect_words, one.truth)) or TEXT("row.measured"), listed(map(effect_words, found))
+    row = [_head(example)["title"], effects[0], effects[1] or TEXT("row.nothing")]
+    return [*row, _sizes(one.truth) or DASH, sizes or DASH, prediction, tracking]
 
 
 def _sizes(effects: Mapping[str, Mapping[str, Any]]) -> str:
@@ -199,22 +195,3 @@ def _learnt(one: Learned) -> str:
 
 def _change(before: str, after: str) -> str:
     return TEXT("row.change", before=before, after=after)
-
-
-def _prediction(one: End) -> str:
-    if isinstance(one, Learned):
-        return DASH
-    cells = dict(zip(STAGES, error_cells(one.finding, tested_part(one.finding)), strict=False))
-    return _change(cells[STAGES[0]], cells["augmented" if one.finding.effects else "calibrated"])
-
-
-def _tracking(one: End) -> str:
-    if isinstance(one, Learned):
-        *earlier, after = (part["rms_error_m"] for part in one.numbers["parts"] if part["rms_error_m"] is not None)
-        before = (earlier or [after])[-1]
-    elif one.missions:
-        runs = list(one.missions.values())
-        before, after = (run.numbers["tracking_rmse_m"] for run in (runs[0], runs[-1]))
-    else:
-        return DASH
-    return _change(quantity(before, "m"), quantity(after, "m"))

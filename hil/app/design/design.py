@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import plotly.graph_objects as go
 from rich.table import Table
+from rich.text import Text
 
 from controller.design.study import Study, study
 from controller.drives import INNER_MASS
@@ -15,7 +16,7 @@ from controller.model.control_model import control_model
 from controller.vibro.cycles import Cycles, VibroModel
 from controller.vibro.drive_map import designed, speed_map
 from controller.vibro.study import VibroStudy, vibro_study
-from hil.app.console import output_to_notes, print_json, say, summary, text_table
+from hil.app.console import answer, output_to_notes, text_table
 from hil.app.design import tables
 from hil.app.design.page import Drawn, design_html, loop_figures, page_html
 from hil.app.design.tables import TEXT
@@ -64,22 +65,17 @@ def design(
                 found = study(plant, 1e-3 * speed_mm_s, 1e-3 * delay_ms)
         if page is not None:
             write_files({page: vibro_html(shaken, title) if vibrates else design_html(found, plant, title)})
-    if json_output:
-        print_json((vibro_json(shaken) if vibrates else design_json(found, tables.command_unit(plant))) | label)
-        return
-    console = summary()
-    for words in vibro_lines(shaken) if vibrates else tables.words_of(found, plant):
-        console.print(words, soft_wrap=not vibrates)
-    for table in vibro_tables(shaken) if vibrates else (tables.margin_table(found), tables.cycle_table(found)):
-        console.print(table)
-    for words in () if vibrates else tables.balance_lines(found):
-        console.print(words)
-    say(TEXT("plots", page=page) if page else TEXT("no_plots"))
+    lines: list[Any]
+    if vibrates:
+        document, lines = vibro_json(shaken), [*map(Text, vibro_lines(shaken)), *vibro_tables(shaken)]
+    else:
+        document, below = design_json(found, tables.command_unit(plant)), map(Text, tables.balance_lines(found))
+        lines = [*tables.words_of(found, plant), tables.margin_table(found), tables.cycle_table(found), *below]
+    answer(json_output, document | label, *lines, TEXT("plots", page=page) if page else TEXT("no_plots"))
 
 
 def design_json(found: Study, unit: str) -> dict[str, Any]:
     """What the design found, SI; `unit` is the command's."""
-    cycles = found.cycles()
     return {
         "speed_m_s": found.speed_m_s,
         "delay_s": found.delay_s,
@@ -95,11 +91,8 @@ def design_json(found: Study, unit: str) -> dict[str, Any]:
         "gains": tables.gains_json(found.pid, found.lqr, unit),
         "margins": [{"controller": loop.name, "phase": loop.phase, **vars(loop.margins())} for loop in found.loops],
         "cycles": {
-            name: {
-                part: {"peak_to_peak_m": c.peak_to_peak_m, "period_s": c.period_s, "rms_m": c.rms_m, "hunts": c.hunts}
-                for part, c in parts.items()
-            }
-            for name, parts in cycles.items()
+            name: {part: {**asdict(cycle), "hunts": cycle.hunts} for part, cycle in parts.items()}
+            for name, parts in found.cycles().items()
         },
         "harmonic_balance": {name: [asdict(cycle) for cycle in found.balances()[name]] for name in found.laws()},
     }
@@ -141,20 +134,10 @@ def vibro_json(found: VibroStudy) -> dict[str, Any]:
 
 def vibro_lines(found: VibroStudy) -> list[str]:
     own, (low, high) = found.resonance, found.drive.reach()
-    resonance = TEXT("vibro.resonance", held=own.held_Hz, free=own.free_Hz, damping=own.damping)
+    resonance = TEXT("vibro.resonance", own=own)
     if math.isfinite(own.contact_s):
         resonance = TEXT("vibro.contact", resonance=resonance, contact=own.contact_s)
-    gears = [
-        TEXT(
-            "vibro.gear",
-            home=gear.home_m_s,
-            slowest=gear.slowest_m_s,
-            fastest=gear.fastest_m_s,
-            period=gear.waveform(gear.home_m_s).period_s,
-            impact=gear.impact,
-        )
-        for gear in found.drive.gears
-    ]
+    gears = (TEXT("vibro.gear", gear=one, home=one.waveform(one.home_m_s)) for one in found.drive.gears)
     return [resonance, TEXT("vibro.reach", low=low, high=high, lag=found.drive.lag_s), *gears]
 
 

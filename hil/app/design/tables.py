@@ -5,7 +5,7 @@ from typing import Any, Final
 from rich.table import Table
 
 from controller.baselines import Gains, lqr_gains
-from controller.design.describing_function import AMPLITUDES_M, Balance
+from controller.design.describing_function import AMPLITUDES_M
 from controller.design.study import Study
 from controller.design.tuning import Margins, Pid
 from controller.drives import driven_of
@@ -21,28 +21,31 @@ MARGINS: Final = ("gain", "phase in deg", "more delay in ms", "sensitivity")
 
 
 def words_of(found: Study, plant: ControlModel) -> list[str]:
-    poles = [
-        TEXT("poles", speed=found.speed_m_s, phase=linear.phase, poles=", ".join(map(_complex, linear.rates())))
-        for linear in found.plants
+    """The poles, the designed gains, and those that track, sil and run have."""
+    pid, unit, drive = found.pid, command_unit(plant), driven_of(plant.drive)
+    own = {"command": plant.drive.commanded, "unit": unit, "filter": pid.filter_s}
+    pids = {"pid": drive.pid, "pid_friction": drive.pid_friction, TEXT("fallbacks"): drive.pid_estimated}
+    running = _feedback(lqr_gains(linearise(plant, "slip")), unit)
+    return [
+        *(
+            TEXT("poles", speed=found.speed_m_s, phase=linear.phase, poles=", ".join(map(_complex, linear.rates())))
+            for linear in found.plants
+        ),
+        TEXT("pid", pid=pid, **own),
+        TEXT("lqr", feedback=_feedback(found.lqr, unit)),
+        TEXT("others"),
+        *(f"  {TEXT('running_pid', name=name, gains=gains)}" for name, gains in pids.items()),
+        f"  {TEXT('running_lqr', feedback=running, tick=plant.tick_s)}",
     ]
-    return [*poles, *gains_words(found.pid, found.lqr, plant)]
 
 
 def balance_lines(found: Study) -> list[str]:
-    return [TEXT("balance.line", name=name, words=_balance_words(one)) for name, one in found.balances().items()]
-
-
-def _balance_words(found: list[Balance]) -> str:
-    if not found:
-        return TEXT("balance.none", low=float(AMPLITUDES_M[0]), high=float(AMPLITUDES_M[-1]))
-    return "; ".join(
-        TEXT(
-            f"balance.{'hunts' if one.stable else 'rests'}",
-            amplitude=one.amplitude_m,
-            frequency=float(one.frequency_Hz),
-        )
-        for one in found
-    )
+    none = TEXT("balance.none", low=float(AMPLITUDES_M[0]), high=float(AMPLITUDES_M[-1]))
+    lines = []
+    for name, cycles in found.balances().items():
+        words = "; ".join(TEXT(f"balance.{'hunts' if one.stable else 'rests'}", cycle=one) for one in cycles)
+        lines.append(TEXT("balance.line", name=name, words=words or none))
+    return lines
 
 
 def _complex(rate: complex) -> str:
@@ -87,20 +90,6 @@ def gains_json(pid: Pid, lqr: Gains, unit: str) -> dict[str, Any]:
         "pid": {"K_p": pid.K_p, "K_i_per_s": pid.K_i, "K_d_s": pid.K_d, "filter_s": pid.filter_s},
         "lqr": {"K": dict(zip(map(spelled, lqr.states), lqr.K.tolist(), strict=True)), "K_i_per_s": lqr.K_i},
     }
-
-
-def gains_words(pid: Pid, lqr: Gains, model: ControlModel) -> list[str]:
-    unit, drive = command_unit(model), driven_of(model.drive)
-    own = {"command": model.drive.commanded, "unit": unit, "filter": pid.filter_s}
-    pids = {"pid": drive.pid, "pid_friction": drive.pid_friction, TEXT("fallbacks"): drive.pid_estimated}
-    running = _feedback(lqr_gains(linearise(model, "slip")), unit)
-    return [
-        TEXT("pid", K_p=pid.K_p, K_i=pid.K_i, K_d=pid.K_d, **own),
-        TEXT("lqr", feedback=_feedback(lqr, unit)),
-        TEXT("others"),
-        *(f"  {TEXT('running_pid', name=name, k_p=g.k_p, k_i=g.k_i, k_d=g.k_d)}" for name, g in pids.items()),
-        f"  {TEXT('running_lqr', feedback=running, tick=model.tick_s)}",
-    ]
 
 
 def _feedback(gains: Gains, unit: str) -> str:

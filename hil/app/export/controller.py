@@ -33,6 +33,7 @@ STANDALONE: Final = Path(__file__).with_name("standalone")
 """Files of an exported folder that are the same for all, or templates."""
 TEMPLATES: Final = ("Makefile", "CMakeLists.txt", "README.md")
 _NEAR: Final = 0.01  # share of the scale within which single precision follows the log before particles differ
+_NEAR_TICKS: Final = 200  # of those
 _SIMPLEST: Final = "feedforward"  # leads the run that an estimator is tested with, where it can
 _ONLY_WITH: Final = dict.fromkeys(("mpc.c", "planner.c", "qp.c"), ("MPC", 1)) | {
     "shaker.c": ("SHAKEN", 1),
@@ -149,40 +150,27 @@ def _sizes(sources: Mapping[str, str]) -> dict[str, int]:
     return dict(zip(names, map(int, done.stdout.split()), strict=True))
 
 
-@dataclass(frozen=True)
-class _Tolerance:
-    """How near to the log, in the command's unit or an estimator's m: `near` in the first `ticks`, `scale` later.
-    The fewer particles there are, the sooner rounding decides which are drawn again.
+def _compared(asked: Asked, envelope: Envelope) -> tuple[list[str], str]:
+    """Flags and words of how near to the log a replay comes, in the command's unit or an estimator's m: to the last bit
+    in double precision; in single within a share of the magnet's gap, of a coil's current or of the envelope in the
+    first ticks, later within all of it. The fewer particles there are, the sooner rounding decides which are drawn
+    again.
     """
-
-    near: float = 0.0
-    scale: float = 0.0
-    ticks: int = 200
-
-    @classmethod
-    def of(cls, asked: Asked, envelope: Envelope) -> "_Tolerance":
-        """None in double precision; else a share of the magnet's gap, of a coil's current, or of the envelope."""
-        if not asked.single:
-            return cls()
+    near, scale, ticks = 0.0, 0.0, _NEAR_TICKS
+    if asked.single:
         scale = envelope.around_m if asked.alone or envelope.placed else envelope.high
-        return cls(_NEAR * scale, scale, round(cls.ticks * min(1.0, (asked.particles or PARTICLES) / PARTICLES)))
-
-    @property
-    def words(self) -> str:
-        return TEXT("controller.near", **vars(self), share=_NEAR) if self.near else TEXT("controller.exact")
-
-    @property
-    def flags(self) -> list[str]:
-        return [f"-DREPLAY_NEAR={self.near:g}", f"-DREPLAY_FAR={self.scale:g}", f"-DREPLAY_NEAR_TICKS={self.ticks}"]
+        near, ticks = _NEAR * scale, round(ticks * min(1.0, (asked.particles or PARTICLES) / PARTICLES))
+    flags = [f"-DREPLAY_NEAR={near:g}", f"-DREPLAY_FAR={scale:g}", f"-DREPLAY_NEAR_TICKS={ticks}"]
+    within = {"near": near, "scale": scale, "ticks": ticks, "share": _NEAR}
+    return flags, TEXT("controller.near", **within) if near else TEXT("controller.exact")
 
 
 def _words(
     asked: Asked, deployment: Deployment, numbers: Numbers, envelope: Envelope, files: Mapping[str, Any]
 ) -> dict[str, str]:
-    """What the templates are filled with."""
-    tolerance, sizes = _Tolerance.of(asked, envelope), numbers.sizes
+    (tolerance, compared), sizes = _compared(asked, envelope), numbers.sizes
     daqp = [name for name in files if name.startswith("daqp/src/")]
-    flags = [*tolerance.flags, *(["-DCAPSULE_ESTIMATOR_ONLY"] if asked.alone else [])]
+    flags = [*tolerance, *(["-DCAPSULE_ESTIMATOR_ONLY"] if asked.alone else [])]
     flags += ["-DDAQP_SINGLE_PRECISION="] if daqp and asked.single else []
     precision = TEXT("controller.single") if asked.single else TEXT("controller.double")
     model = (
@@ -203,7 +191,7 @@ def _words(
         "precision": precision,
         "loops": TEXT("controller.planned", **loops) if limit else TEXT("controller.unplanned", **loops),
         "plant": TEXT("controller.scenario") if "plant" in parse_toml(deployment.text, "") else TEXT("controller.own"),
-        "compared": tolerance.words,
+        "compared": compared,
     }
 
 

@@ -12,12 +12,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from typing import Any, Final
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from controller.step.library import compiler
 
-_FMI: Final = Path(__file__).with_name("fmi3.c")
+_HERE: Final = Path(__file__).parent
 _FLAGS: Final = ("-O2", "-std=gnu11", "-fPIC", "-shared", "-fvisibility=hidden")
 _LONGEST_S: Final = 120.0  # for which a compiler may run
 _STAMP: Final = (2000, 1, 1, 0, 0, 0)  # of every file in the archive, so that the same input gives the same FMU
@@ -82,15 +83,21 @@ def fmu(unit: FmuUnit) -> bytes:
     """The archive. Raises ValueError of one sentence where there is no C compiler, or one that fails."""
     digest = hashlib.sha256(unit.header.encode() + b"".join(unit.objects.values())).hexdigest()
     token = "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, digest)) + "}"
-    source = "\n".join((f'#define TOKEN "{token}"', unit.header, unit.core.read_text("utf-8"), _FMI.read_text("utf-8")))
-    folder, ending = _platform()
+    source = "\n".join(
+        (f'#define TOKEN "{token}"', unit.header, unit.core.read_text("utf-8"), (_HERE / "fmi3.c").read_text("utf-8"))
+    )
+    # FMI's name of this machine, and the ending of its libraries
+    systems = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("windows", ".dll")}
+    system, ending = systems.get(sys.platform, (sys.platform, ".so"))
+    machine = platform.machine().lower()
+    folder = f"{_MACHINES.get(machine, machine)}-{system}"
     files = {
-        "modelDescription.xml": model_description(unit, token),
+        "modelDescription.xml": filled("modelDescription.xml.j2", unit=unit, token=token).encode(),
         f"binaries/{folder}/{unit.identifier}{ending}": _compiled(source, unit.objects),
     }
     if not unit.objects:
         files[f"sources/{unit.identifier}.c"] = source.encode()
-        files["sources/buildDescription.xml"] = _build_description(unit)
+        files["sources/buildDescription.xml"] = filled("buildDescription.xml.j2", unit=unit).encode()
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as out:
         for name, data in files.items():
@@ -98,54 +105,11 @@ def fmu(unit: FmuUnit) -> bytes:
     return archive.getvalue()
 
 
-def model_description(unit: FmuUnit, token: str) -> bytes:
-    """`modelDescription.xml` of FMI 3.0."""
-    about = {"modelName": unit.name, "instantiationToken": token, "description": unit.description}
-    root = Element("fmiModelDescription", {"fmiVersion": "3.0", **about, "generationTool": "capsule"})
-    able = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState")
-    fixed = {"fixedInternalStepSize": repr(unit.step_s)} if unit.step_s else {}
-    SubElement(root, "CoSimulation", {"modelIdentifier": unit.identifier, **dict.fromkeys(able, "true"), **fixed})
-    units = SubElement(root, "UnitDefinitions")
-    for name in sorted({v.unit for v in unit.variables} | {"s"}):
-        SubElement(units, "Unit", name=name)
-    times = {"startTime": "0.0", "stopTime": repr(unit.duration_s), "stepSize": repr(unit.communication_s)}
-    SubElement(root, "DefaultExperiment", times)
-    variables = SubElement(root, "ModelVariables")
-    time = {"name": "time", "valueReference": "0", "causality": "independent", "variability": "continuous"}
-    SubElement(variables, "Float64", {**time, "unit": "s"})
-    structure = SubElement(root, "ModelStructure")
-    outputs = [str(number) for number, v in enumerate(unit.variables, 1) if v.causality == "output"]
-    for number, v in enumerate(unit.variables, 1):
-        start = {"initial": "calculated"} if v.causality == "output" else {"start": repr(v.start)}
-        variability = "fixed" if v.causality == "parameter" else "continuous"
-        own = {"name": v.name, "valueReference": str(number), "causality": v.causality, "variability": variability}
-        SubElement(variables, "Float64", {**own, **start, "unit": v.unit, "description": v.description})
-    for kind in ("Output", "InitialUnknown"):
-        for output in outputs:
-            SubElement(structure, kind, valueReference=output)
-    return _xml(root)
-
-
-def _build_description(unit: FmuUnit) -> bytes:
-    root = Element("fmiBuildDescription", fmiVersion="3.0")
-    build = SubElement(root, "BuildConfiguration", modelIdentifier=unit.identifier)
-    SubElement(SubElement(build, "SourceFileSet", language="C11"), "SourceFile", name=f"{unit.identifier}.c")
-    SubElement(build, "Library", name="m")
-    return _xml(root)
-
-
-def _xml(root: Element) -> bytes:
-    indent(root)
-    text: bytes = tostring(root, "utf-8", xml_declaration=True)
-    return text
-
-
-def _platform() -> tuple[str, str]:
-    """FMI's name of this machine and the ending of its libraries."""
-    system = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("windows", ".dll")}
-    name, ending = system.get(sys.platform, (sys.platform, ".so"))
-    machine = platform.machine().lower()
-    return f"{_MACHINES.get(machine, machine)}-{name}", ending
+def filled(template: str, **records: Any) -> str:
+    """The XML that a template beside this module makes of `records`."""
+    how: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    templates = Environment(loader=FileSystemLoader(_HERE), autoescape=True, undefined=StrictUndefined, **how)
+    return templates.get_template(template).render(**records)
 
 
 def _compiled(source: str, objects: Mapping[str, bytes]) -> bytes:

@@ -1,6 +1,5 @@
 """The log of an exported controller: a lockstep run over the simulated bus, what its C functions got and answered."""
 
-import ctypes
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -79,10 +78,10 @@ def logged(scenario: SilScenario, model: ControlModel, controller: str, library:
 
 
 class TickLog:
-    """Rows of `ticks.csv`: the inputs of each tick and what the C functions answered."""
+    """Stands for the functions of a compiled controller; `rows` of `ticks.csv`: what each tick got and answered."""
 
     def __init__(self, library: Library) -> None:
-        self._library = library
+        self._library, self._functions = library, library.functions
         self._start: tuple[float, float] = (0.0, 0.0)
         self._begin: tuple[float, float] | None = None
         stages = range(library.stages + 1)
@@ -101,61 +100,43 @@ class TickLog:
     @contextmanager
     def kept(self) -> Iterator[None]:
         """Within it a controller that is built keeps its calls here."""
-        functions = self._library.functions
-        self._library.functions = _Tapped(functions, self._library, self)  # type: ignore[assignment]
+        self._library.functions = self  # type: ignore[assignment]
         try:
             yield
         finally:
-            self._library.functions = functions
-
-    def started(self, begin_s: float, command: float) -> None:
-        """The estimator begins, and with it the log."""
-        self.rows.clear()
-        self._start = begin_s, command
-
-    def begun(self, begin_s: float, command: float) -> None:
-        """The controller begins with its next tick."""
-        self._begin = begin_s, command
-
-    def estimated(self, given: Any, believed_m: float) -> None:
-        row = [LISTENS, *(self._start if not self.rows else (0.0, 0.0)), given.time_s, given.readings]
-        for k in range(READINGS):
-            reading = given.reading[k]
-            row += [reading.stamp_s, reading.value, reading.channel] if k < given.readings else [0.0, 0.0, 0]
-        row += [given.in_force]
-        self.rows.append([*row, *[0.0] * (len(self.header) - len(row) - 1), believed_m])
-
-    def controlled(self, given: Any, command: float) -> None:
-        row, path = self.rows[-1], (*given.position_m, *given.speed_m_s)
-        row[0] = CONTROLS if self._begin is None else BEGINS
-        row[1:3] = self._begin or row[1:3]
-        answer = [given.halt, *path, given.next_speed_m_s, given.least, given.most, given.temperature_C, command]
-        row[-len(answer) - 1 : -1] = answer
-        self._begin = None
-
-
-class _Tapped:
-    """The functions of a library, each call of which is told to a log."""
-
-    def __init__(self, functions: ctypes.CDLL, library: Library, log: TickLog) -> None:
-        self._functions, self._library, self._log = functions, library, log
+            self._library.functions = self._functions
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._functions, name)
 
     def capsule_estimator_init(self, at: Any, numbers: Any, begin_s: Any, command: Any) -> None:
+        """The estimator begins, and with it the log."""
         self._functions.capsule_estimator_init(at, numbers, begin_s, command)
-        self._log.started(begin_s.value, command.value)
+        self.rows.clear()
+        self._start = begin_s.value, command.value
 
     def capsule_estimate(self, at: Any, given: Any) -> None:
         self._functions.capsule_estimate(at, given)
-        belief = self._library.Belief.from_buffer(at._obj, self._library.belief_at)
-        self._log.estimated(given._obj, belief.state[0])
+        belief, given = self._library.Belief.from_buffer(at._obj, self._library.belief_at), given._obj
+        row = [LISTENS, *(self._start if not self.rows else (0.0, 0.0)), given.time_s, given.readings]
+        for k in range(READINGS):
+            reading = given.reading[k]
+            row += [reading.stamp_s, reading.value, reading.channel] if k < given.readings else [0.0, 0.0, 0]
+        row += [given.in_force]
+        self.rows.append([*row, *[0.0] * (len(self.header) - len(row) - 1), belief.state[0]])
 
     def capsule_controller_init(self, at: Any, numbers: Any, begin_s: Any, belief: Any, command: Any) -> None:
+        """The controller begins with its next tick."""
         self._functions.capsule_controller_init(at, numbers, begin_s, belief, command)
-        self._log.begun(begin_s.value, command.value)
+        self._begin = begin_s.value, command.value
 
     def capsule_control(self, at: Any, belief: Any, given: Any, out: Any) -> None:
         self._functions.capsule_control(at, belief, given, out)
-        self._log.controlled(given._obj, out._obj.command)
+        row, given = self.rows[-1], given._obj
+        row[0] = CONTROLS if self._begin is None else BEGINS
+        row[1:3] = self._begin or row[1:3]
+        path = (*given.position_m, *given.speed_m_s)
+        numbers = (given.next_speed_m_s, given.least, given.most, given.temperature_C, out._obj.command)
+        answer = [given.halt, *path, *numbers]
+        row[-len(answer) - 1 : -1] = answer
+        self._begin = None

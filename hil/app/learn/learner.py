@@ -162,10 +162,7 @@ class Learner:
 
     def _wait(self, now: float) -> None:
         assert self._future is not None
-        if math.isinf(self.learning.answer_s):
-            if not self._future.done():
-                return
-        elif now < self._due:
+        if not self._future.done() if math.isinf(self.learning.answer_s) else now < self._due:
             return
         found = self._future.result()
         lesson = self.lessons[-1]

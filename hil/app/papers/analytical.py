@@ -79,35 +79,26 @@ def mean_of(column: str) -> float:
 
 
 def analytical_rows() -> Iterator[Row]:
-    a = Setting.load()
-    for part in (_printed_curve, _derived_curve, _stated_forces, _deviations):
-        yield from part(a)
-
-
-def _printed_curve(a: Setting) -> Iterator[Row]:
-    tooth, s, small = a.tooth(a.printed()), a.stated, 1e-9
+    """The curve as printed, as the equations give it, the forces that are stated, and the deviations of Table 2: how
+    far the eight periods are from the thirty that the paper gives as one number each.
+    """
+    a, small = Setting.load(), 1e-9
+    tooth, s, seen, valley = a.tooth(a.printed()), a.stated, mean_of("period_s"), mean_of("valley_N")
     yield row("a_rise_printed", tooth.rise_s, paper=s["rise_s"])
     yield row("a_fall_printed", tooth.fall_s, paper=s["fall_s"])
-    yield row("a_period_printed", tooth.period_s, paper=s["period_s"], measured=mean_of("period_s"))
+    yield row("a_period_printed", tooth.period_s, paper=s["period_s"], measured=seen)
     yield row("a_printed_wall_stiffness", a.printed()(small) / a.derived(stretched_length(a.capsule))(small))
     yield row("a_eq18_start", printed_force(1.0), paper=s["initial_force_N"])
     yield row("a_eq19_start", load_set("zhang2016_printed_curve")["matrix_N"], paper=s["critical_force_N"])
     yield row("a_tip_drag", tooth.drag_m)
     yield row("a_recovery_time", tooth.drag_m / s["recoil_speed_m_s"], paper=s["recovery_time_s"])
-
-
-def _derived_curve(a: Setting) -> Iterator[Row]:
-    seen = mean_of("period_s")
     for length in a.lengths:
-        tooth, at = a.tooth(a.derived(length)), f"{1e3 * length:g}"
-        yield row("a_rise_law", tooth.rise_s, at, L_s=length)
-        yield row("a_fall_law", tooth.fall_s, at, L_s=length)
-        yield row("a_period_law", tooth.period_s, at, measured=seen, L_s=length)
-        yield row("a_period_error_law", tooth.period_s / seen - 1, at, L_s=length)
-
-
-def _stated_forces(a: Setting) -> Iterator[Row]:
-    s, valley, rig, first = a.stated, mean_of("valley_N"), (a.capsule, a.tissue, a.wall), a.stated["initial_force_N"]
+        derived, at = a.tooth(a.derived(length)), f"{1e3 * length:g}"
+        yield row("a_rise_law", derived.rise_s, at, L_s=length)
+        yield row("a_fall_law", derived.fall_s, at, L_s=length)
+        yield row("a_period_law", derived.period_s, at, measured=seen, L_s=length)
+        yield row("a_period_error_law", derived.period_s / seen - 1, at, L_s=length)
+    rig, first = (a.capsule, a.tissue, a.wall), s["initial_force_N"]
     yield row("a_initial_force", initial_resistance(*rig), paper=first, measured=valley)
     rise = mean_of("peak_N") - valley
     yield row("a_coulomb_limit", elastic_coulomb_limit(*rig), paper=a.amplitude, measured=rise)
@@ -117,12 +108,7 @@ def _stated_forces(a: Setting) -> Iterator[Row]:
         mu = s[f"friction_coefficient_{end}"]
         force, stated = first + a.amplitude * mu / s["friction_coefficient"], s[f"critical_force_{end}_N"]
         yield row("a_critical_force_friction", force, end, paper=stated, mu=mu)
-
-
-def _deviations(a: Setting) -> Iterator[Row]:
-    """Deviations of Table 2; how far the eight periods are from the thirty that the paper gives as one number each."""
-    s, period = a.stated, a.tooth(a.printed()).period_s
-    for name, model in (("period", period), ("valley", s["initial_force_N"]), ("peak", s["critical_force_N"])):
+    for name, model in (("period", tooth.period_s), ("valley", first), ("peak", s["critical_force_N"])):
         off = abs(mean_of(_COLUMNS[name]) / model - 1)
         yield row("a_deviation", off, name, paper=s[f"{name}_deviation"], name=name)
     for name, means in thirty_periods().items():
@@ -153,11 +139,8 @@ def analytical_drawings() -> Iterator[Drawing]:
     teeth = [a.tooth(tension) for tension in tensions]
     curves = list(zip(names, ("printed", "derived", "third"), tensions, teeth, strict=True))
     share = teeth[0].rise_s / teeth[0].period_s
-    table, first, critical = (
-        load_measurement("analytical_table2_periods"),
-        a.stated["initial_force_N"],
-        a.stated["critical_force_N"],
-    )
+    table = load_measurement("analytical_table2_periods")
+    first, critical = a.stated["initial_force_N"], a.stated["critical_force_N"]
 
     rise, fall = Plot("time since sticking, s", "friction, mN"), Plot("time since slipping, s", "friction, mN")
     for name, colour, tension, tooth in curves:
@@ -176,17 +159,11 @@ def analytical_drawings() -> Iterator[Drawing]:
         corners = [k * tooth.period_s + x for k in range(_PERIODS) for x in (0.0, tooth.rise_s)]
         t = np.unique(np.concatenate([np.linspace(0, end, 600), [x for x in corners if x < end]]))
         saw.line(t, friction_curve(t, tension, tooth, first) * MN, name, colour)
-    _measured_teeth(saw, share)
-    yield saw.captioned("a_saw", period=teeth[0].period_s, measured=mean_of("period_s"))
-
-
-def _measured_teeth(plot: Plot, share: float) -> None:
-    table = load_measurement("analytical_table2_periods")
     periods, valleys, peaks = (table[name][:_PERIODS] for name in ("period_s", "valley_N", "peak_N"))
     starts = np.concatenate([[0.0], np.cumsum(periods)[:-1]])
     tips = starts + share * periods
-    plot.line(
-        np.ravel([starts, tips], "F"), np.ravel([valleys, peaks], "F") * MN, "measured, joined", "measured", "dot"
-    )
-    plot.points(starts, valleys * MN, "measured valleys", "diamond")
-    plot.points(tips, peaks * MN, "measured peaks", "circle")
+    joined = np.ravel([starts, tips], "F"), np.ravel([valleys, peaks], "F") * MN
+    saw.line(*joined, "measured, joined", "measured", "dot")
+    saw.points(starts, valleys * MN, "measured valleys", "diamond")
+    saw.points(tips, peaks * MN, "measured peaks", "circle")
+    yield saw.captioned("a_saw", period=teeth[0].period_s, measured=mean_of("period_s"))

@@ -133,21 +133,15 @@ def best_scale(model: Complex, target: Complex) -> float:
 
 
 def dma_rows() -> Iterator[Row]:
-    table = DmaTable.load()
-    yield from _test(table)
-    yield from _table3(table)
-    yield from _refits(table)
-
-
-def _test(table: DmaTable) -> Iterator[Row]:
-    """What V says of the test itself: how far the samples differ, and the speed of its shear."""
-    s, stated = load_set("zhang2014_dma_test"), load_set("zhang2014_dma_test")["largest_deviation"]
+    """What V says of its test: how far the samples differ, and the speed of the shear; then Table 3 and the refits."""
+    table, s = DmaTable.load(), load_set("zhang2014_dma_test")
     at_lowest = table.frequency == table.frequency.min()
-    lowest, whole = largest_deviation(table, at_lowest), largest_deviation(table, np.ones_like(at_lowest))
-    yield row("v_dma_deviation_20_hz", lowest, paper=stated)
-    yield row("v_dma_deviation_largest", whole, paper=stated)
+    for name, rows in (("20_hz", at_lowest), ("largest", np.ones_like(at_lowest))):
+        yield row(f"v_dma_deviation_{name}", largest_deviation(table, rows), paper=s["largest_deviation"])
     speed = 4 * s["lowest_frequency_Hz"] * s["shear_strain"] * s["sample_side_m"]
     yield row("v_dma_shear_speed_20_hz", speed, paper=s["shear_speed_m_s"])
+    yield from _table3(table)
+    yield from _refits(table)
 
 
 def largest_deviation(table: DmaTable, rows: NDArray[np.bool_]) -> float:

@@ -83,13 +83,8 @@ def print_rows(rows: list[Row], console: Console) -> None:
 
 def drawings() -> list[Drawing]:
     """All figures: A Fig. 5-7, V Fig. 5, 7, 9 and Table 2, C Fig. 8, and the base model at two speeds."""
-    return [
-        *analytical_drawings(),
-        *viscoelastic_drawings(),
-        moduli_drawing(),
-        flat_car_drawing(),
-        two_speeds_drawing(),
-    ]
+    single = (moduli_drawing(), flat_car_drawing(), two_speeds_drawing())
+    return [*analytical_drawings(), *viscoelastic_drawings(), *single]
 
 
 def write_page(folder: Path) -> Path:

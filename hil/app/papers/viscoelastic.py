@@ -46,7 +46,14 @@ def viscoelastic_rows() -> Iterator[Row]:
         yield row("v_share_environmental", float(force.environmental / force.total), at, differs=differs, at=at)
     yield from _components("v_low", capsule, tissue, "low", LOW_SPEEDS)
     yield from _components("v_high", capsule, tissue, "high", HIGH_SPEEDS)
-    yield _eq13_row()
+    table = load_measurement("viscoelastic_table1_relaxation")
+    strain, fitted = table["shear_strain"], low_speed_moduli(table["shear_strain"])
+    columns = {f"{name}_Pa": getattr(fitted, name) for name in ("E1", "E2", "E3")}
+    columns |= {f"{name}_Pa_s": getattr(fitted, name) for name in ("eta1", "eta2")}
+    best = [np.polyval(np.polyfit(strain, table[name], 2), strain) / table[name] - 1 for name in columns]
+    errors = [value / table[name] - 1 for name, value in columns.items()]
+    rms, least = (float(np.sqrt(np.mean(np.square(e)))) for e in (errors, best))
+    yield row("v_eq13_against_table1", rms, least=least)
 
 
 def _band(capsule: Capsule, tissue: Tissue) -> Iterator[Row]:
@@ -69,18 +76,6 @@ def _components(key: str, capsule: Capsule, tissue: Tissue, regime: Regime, spee
         for name, letter, values in (("environmental", "F_e", force.environmental), ("coulomb", "f_c", force.coulomb)):
             own = f"{key}_{name}_{slug(at)}"
             yield row("component", values[i], own=own, rig=rig, letter=letter, at=at)
-
-
-def _eq13_row() -> Row:
-    table = load_measurement("viscoelastic_table1_relaxation")
-    fitted = low_speed_moduli(table["shear_strain"])
-    columns = {f"{name}_Pa": getattr(fitted, name) for name in ("E1", "E2", "E3")}
-    columns |= {"eta1_Pa_s": fitted.eta1, "eta2_Pa_s": fitted.eta2}
-    strain = table["shear_strain"]
-    best = [np.polyval(np.polyfit(strain, table[name], 2), strain) / table[name] - 1 for name in columns]
-    errors = [value / table[name] - 1 for name, value in columns.items()]
-    rms, least = (float(np.sqrt(np.mean(np.square(e)))) for e in (errors, best))
-    return row("v_eq13_against_table1", rms, least=least)
 
 
 def base_rows() -> Iterator[Row]:
@@ -136,9 +131,7 @@ def _force(speed: Any, regime: Regime) -> Resistance:
 
 def _draw_band(plot: Plot) -> None:
     valley, peak = (f * MN for f in measured_band())
-    half = (peak - valley) / 2
+    half, colour = (peak - valley) / 2, COLOURS["measured"]
     name = f"measured at 10 mm/s with C's capsule of 3.9 g:<br>{valley:.0f} to {peak:.0f} mN (A Section 5.1)"
-    marker = {"color": COLOURS["measured"], "size": 9}
-    spread = {"type": "data", "array": [half], "thickness": 2, "width": 8, "color": COLOURS["measured"]}
-    middle = {"x": [BAND_SPEED * 1e3], "y": [valley + half]}
-    plot.figure.add_scatter(**middle, error_y=spread, mode="markers", marker=marker, name=name)
+    spread = {"type": "data", "array": [half], "thickness": 2, "width": 8, "color": colour}
+    plot.points([BAND_SPEED * 1e3], [valley + half], name, error_y=spread)

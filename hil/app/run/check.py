@@ -24,7 +24,6 @@ from hil.bus.protection import Sender
 from hil.bus.wrapping import heard_for, plain
 from hil.drives.carriage_bus import CarriageBus
 from hil.drives.makers import MAKERS
-from hil.drives.table import ActuatorTable
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, controllers_frames, frame_map_of, heartbeat
 from hil.nodes.node import ControllerNode
 from hil.nodes.receive import FrameReceiver, operators_stop, remedy
@@ -55,8 +54,17 @@ def check(deployment: Deployment, task: Task, bus: ClockedBus) -> list[Point]:
     """All points. Nothing is sent, so a sensor that samples at SYNC is heard only while something else sends SYNC."""
     verdict, limits = deployment.verdict, limits_point(deployment.limits, deployment.rig.kind)
     model = Point("model", verdict is None or verdict.passed, verdict.sentence if verdict else TEXT("check.nominal"))
-    ours = (limits, model, _time(deployment, task), _machine(deployment, bus))
-    return [*_listen(deployment, bus), *_authentication(bus), *ours]
+    heard = _listen(deployment, bus)
+    if isinstance(bus.inner, AuthenticatedBus):
+        refused = bus.inner.refused
+        counts = [f"{count} {reason}" for reason, count in sorted(refused.items())]
+        heard.append(Point("authentication", not refused, TEXT("check.authentication", counts=counts or ["none"])))
+    # what interface and machine lack: another bit rate than the file's is bad, the rest is advice
+    table, link = deployment.bus, machine.link_of(deployment.bus)
+    faults, timely = machine.link_faults(link, table), _time(deployment, task)
+    advice = (*machine.link_advice(link, table), machine.priority_words(deployment.control))
+    said = filter(None, (*faults, *advice, machine.stamp_words(table, bus)))
+    return [*heard, limits, model, timely, Point("machine", not faults, "; ".join(said))]
 
 
 def _listen(deployment: Deployment, bus: ClockedBus) -> list[Point]:
@@ -94,14 +102,6 @@ def limits_point(limits: Limits, kind: str) -> Point:
     return Point("limits", True, TEXT("check.limits", frame=frame.name))
 
 
-def _authentication(bus: ClockedBus) -> list[Point]:
-    if not isinstance(bus.inner, AuthenticatedBus):
-        return []
-    refused = bus.inner.refused
-    counts = [f"{count} {reason}" for reason, count in sorted(refused.items())]
-    return [Point("authentication", not refused, TEXT("check.authentication", counts=counts or ["none"]))]
-
-
 def _time(deployment: Deployment, task: Task) -> Point:
     """Whether 99 of 100 ticks are done before the next one, at the priority of a run, which then keeps its grid."""
     with machine.as_a_run(deployment.control.priority, deployment.control.core):
@@ -115,14 +115,6 @@ def _time(deployment: Deployment, task: Task) -> Point:
     if p99 > SHARE * tick_s:
         said += TEXT("check.tick", tick=1e3 * shortest) if math.isfinite(shortest) else TEXT("check.no_tick")
     return Point("time", good, said)
-
-
-def _machine(deployment: Deployment, bus: ClockedBus) -> Point:
-    """What the interface and the machine lack; another bit rate than the file's is bad, the rest is advice."""
-    table, link = deployment.bus, machine.link_of(deployment.bus)
-    faults, priority = machine.link_faults(link, table), machine.priority_words(deployment.control)
-    said = [*faults, *machine.link_advice(link, table), priority, machine.stamp_words(table, bus)]
-    return Point("machine", not faults, "; ".join(filter(None, said)))
 
 
 def rehearse(task: Task, ticks: int = REHEARSED) -> Histogram:
@@ -172,11 +164,20 @@ QUIET_S: Final = 0.1  # How long to listen before anything is sent: five cycles 
 
 
 def drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: bool) -> can.BusABC:
-    """The deployment's bus; another maker's drive is set up, unless nothing may be sent. Raises ValueError."""
+    """The deployment's bus; another maker's drive is set up, unless nothing may be sent. Raises ValueError, and an
+    OtherControllerError where another controller is heard.
+    """
     bus, table = open_bus(deployment.bus, folder), deployment.drive
-    if not listen_only and (others := _controllers_on(bus, table)):
-        bus.shutdown()
-        raise OtherControllerError(TEXT("end.other_controller", frames=", ".join(others)))
+    if not listen_only:
+        known, heard = controllers_frames(), set[str]()
+        for message in heard_for(bus, QUIET_S):
+            if plain(message) and message.arbitration_id in known and not operators_stop(message):
+                heard.add(known[message.arbitration_id])
+            elif table is not None and table.orders(message):
+                heard.add("commands to the drive")
+        if heard:
+            bus.shutdown()
+            raise OtherControllerError(TEXT("end.other_controller", frames=", ".join(sorted(heard))))
     if table is None:
         return bus
     if not listen_only:
@@ -192,17 +193,6 @@ def drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: 
 
 class OtherControllerError(Exception):
     """Another controller has been heard before anything was sent."""
-
-
-def _controllers_on(bus: can.BusABC, table: ActuatorTable | None) -> list[str]:
-    """Names of the frames heard within `QUIET_S` that only a controller sends."""
-    known, heard = controllers_frames(), set[str]()
-    for message in heard_for(bus, QUIET_S):
-        if plain(message) and message.arbitration_id in known and not operators_stop(message):
-            heard.add(known[message.arbitration_id])
-        elif table is not None and table.orders(message):
-            heard.add("commands to the drive")
-    return sorted(heard)
 
 
 def overruns(bus: can.BusABC) -> int:

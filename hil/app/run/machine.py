@@ -7,7 +7,6 @@ import logging
 import math
 import os
 import subprocess
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any, Final
 
 import can
 
-from hil.app.run.clock import ClockedBus, Histogram
+from hil.app.run.clock import Clock, ClockedBus, Grid, Histogram
 from hil.app.scenario.deployment_tables import BusTable, ControlTable
 from hil.bus.authenticated import AuthenticatedBus, authenticator, next_epoch, read_key
 from hil.own_process import error_text
@@ -152,13 +151,10 @@ def as_a_run(priority: int, core: int) -> Iterator[bool]:
 
 def lateness(seconds: float = LOOKED_S) -> Histogram:
     """How late this process wakes when it sleeps from one ms to the next."""
-    late, due = Histogram(), time.perf_counter()
+    grid = Grid(Clock(), _STEP_S)
     for _ in range(round(seconds / _STEP_S)):
-        due += _STEP_S
-        time.sleep(max(due - time.perf_counter(), 0.0))
-        late.add(max(time.perf_counter() - due, 0.0))
-        due = max(due, time.perf_counter() - _STEP_S)
-    return late
+        grid.wait()
+    return grid.late
 
 
 def tick_to_hold(late: Histogram, busy_p99_s: float, share: float) -> float:

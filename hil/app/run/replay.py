@@ -142,34 +142,30 @@ def replayed(frames: Iterable[Logged], task: Task, catalogue: FrameCatalogue, dr
         if dry_run and not message.is_rx:
             sent.append((message.arbitration_id, bytes(message.data)))
 
-    with tape:
-        node = ControllerNode(task, tape, observer=keep, dry_run=dry_run)
-        return _compared(node, tape, list(ticks_of(frames, catalogue["Sync"].id)))
-
-
-def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Order]) -> Replay:
-    sent = tape.sent
     ticks = count = cut = 0
     differences: list[Difference] = []
-    last = next((k for k in range(len(events) - 1, -1, -1) if isinstance(events[k], TickOfLog)), -1)
-    for k, event in enumerate(events):
-        if isinstance(event, Order):
-            if event.code == START:
-                node.start(event.time_s, None if math.isnan(event.value) else event.value)
-            elif event.code == STOP:
-                node.stop()
-            elif event.code == ACKNOWLEDGED:
-                node.acknowledge()
-            continue
-        sent.clear()
-        tape.inbox.extend(event.heard)
-        node.supervisor.allow(event.cut_after)
-        node.tick(event.time_s, event.solved)
-        tape.inbox.clear()
-        ticks, count, cut = ticks + 1, count + len(sent), cut + (event.cut_after is not None)
-        computed = sent[: len(event.sent)] if k == last else sent
-        if computed != event.sent:
-            differences.append(Difference(ticks, event.time_s, tuple(event.sent), tuple(sent)))
+    with tape:
+        node = ControllerNode(task, tape, observer=keep, dry_run=dry_run)
+        events = list(ticks_of(frames, catalogue["Sync"].id))
+        last = next((k for k in range(len(events) - 1, -1, -1) if isinstance(events[k], TickOfLog)), -1)
+        for k, event in enumerate(events):
+            if isinstance(event, Order):
+                if event.code == START:
+                    node.start(event.time_s, None if math.isnan(event.value) else event.value)
+                elif event.code == STOP:
+                    node.stop()
+                elif event.code == ACKNOWLEDGED:
+                    node.acknowledge()
+                continue
+            sent.clear()
+            tape.inbox.extend(event.heard)
+            node.supervisor.allow(event.cut_after)
+            node.tick(event.time_s, event.solved)
+            tape.inbox.clear()
+            ticks, count, cut = ticks + 1, count + len(sent), cut + (event.cut_after is not None)
+            computed = sent[: len(event.sent)] if k == last else sent
+            if computed != event.sent:
+                differences.append(Difference(ticks, event.time_s, tuple(event.sent), tuple(sent)))
     return Replay(ticks, count, cut, tuple(differences))
 
 

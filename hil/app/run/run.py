@@ -98,7 +98,10 @@ def run(
             return _checked(asked, move, json_output)
         return _led(asked, json_output)
     except OtherControllerError as error:
-        return _not_begun(path, str(error), json_output)
+        ended = TEXT("end.no_lead", why=error)
+        found = {"rig": str(path), "end": "other_controller", "ended": ended, "remedy": remedy(ended), "led": False}
+        answer(json_output, found | {"ticks": 0, "log": None}, f"ended: {ended}", TEXT("run.remedy", **found))
+        return 1
 
 
 @dataclass(frozen=True)
@@ -188,13 +191,6 @@ def _moved(asked: _Asked, good: bool) -> Point:
         outcome = _lead(probing, task, bus)[0]
     done = outcome.end == "done"
     return Point("answer", done, TEXT("check.moved") if done else outcome.ended)
-
-
-def _not_begun(path: Path, words: str, json_output: bool) -> int:
-    ended = TEXT("end.no_lead", why=words)
-    found = {"rig": str(path), "end": "other_controller", "ended": ended, "remedy": remedy(ended), "led": False}
-    answer(json_output, found | {"ticks": 0, "log": None}, f"ended: {ended}", TEXT("run.remedy", **found))
-    return 1
 
 
 def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, ControllerNode, FrameLog, list[Lesson]]:

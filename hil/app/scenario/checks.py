@@ -60,13 +60,31 @@ def read_checks(
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
     for name in tables:
         check_word(name, f"table of [checks] for a {kind} rig", able)
+    fault_s = last_fault_s(instruments)
 
     def read(numbers: Table, where: str) -> TrackChecks:
         try:
             checks = TrackChecks(**numbers)
         except ValueError as error:
             raise ValueError(str(error).replace("checks", where, 1)) from None
-        _judgeable(checks, where, reference, last_fault_s(instruments), judged_from_s, duration_s)
+        for within, size in (("recovered_within_s", "recovered_mm"), ("settled_within_s", "settled_mm")):
+            if (getattr(checks, within) is None) != (getattr(checks, size) is None):
+                raise ValueError(f"{where}.{within} must stand with {size}, and the other way round; got one of them")
+        recovered = fault_s is not None and fault_s + (checks.recovered_within_s or 0.0) < duration_s
+        fault = "none" if fault_s is None else f"{fault_s:g} s"
+        begin, after = checks.drift_from_s, checks.speed_after_s
+        begin = judged_from_s if begin is None else begin
+        still = np.abs(_speeds(reference, duration_s))[round(begin / STEP_S) :] < _AT_REST
+        even = any(end - start > after for (start, end), _ in legs(reference, duration_s))
+        settles, whole = bool(rests(reference, duration_s)), f"a reference at rest from {begin:g} s to the end"
+        for name, good, needed, got in (
+            ("recovered_within_s", recovered, "the end of a drop-out or NaN early enough in the run", fault),
+            ("settled_within_s", settles, "a reference that comes to rest", "one that does not"),
+            ("drift_mm", still.size and still.all(), whole, "one that moves"),
+            ("speed_error_percent", even, f"a reference at one speed for over {after:g} s", "none"),
+        ):
+            if getattr(checks, name) is not None and not good:
+                raise ValueError(f"{where}.{name} must have {needed}; got {got}")
         return checks
 
     own = {name: read({**shared, **numbers}, f"checks.{name}") for name, numbers in tables.items()}
@@ -105,30 +123,3 @@ def _speeds(reference: Trajectory, duration_s: float) -> NDArray[np.float64]:
 def _stretches(flags: NDArray[np.bool_]) -> list[tuple[Span, bool]]:
     edges = [0, *(np.flatnonzero(np.diff(flags)) + 1).tolist(), flags.size]
     return [((a * STEP_S, b * STEP_S), bool(flags[a])) for a, b in pairwise(edges) if b > a]
-
-
-def _judgeable(
-    checks: TrackChecks,
-    where: str,
-    reference: Trajectory,
-    fault_s: float | None,
-    judged_from_s: float,
-    duration_s: float,
-) -> None:
-    for within, size in (("recovered_within_s", "recovered_mm"), ("settled_within_s", "settled_mm")):
-        if (getattr(checks, within) is None) != (getattr(checks, size) is None):
-            raise ValueError(f"{where}.{within} must stand with {size}, and the other way round; got one of them")
-    recovered = fault_s is not None and fault_s + (checks.recovered_within_s or 0.0) < duration_s
-    fault = "none" if fault_s is None else f"{fault_s:g} s"
-    begin, after = checks.drift_from_s, checks.speed_after_s
-    begin = judged_from_s if begin is None else begin
-    still = np.abs(_speeds(reference, duration_s))[round(begin / STEP_S) :] < _AT_REST
-    even = any(end - start > after for (start, end), _ in legs(reference, duration_s))
-    for name, good, needed, got in (
-        ("recovered_within_s", recovered, "the end of a drop-out or NaN early enough in the run", fault),
-        ("settled_within_s", bool(rests(reference, duration_s)), "a reference that comes to rest", "one that does not"),
-        ("drift_mm", still.size and still.all(), f"a reference at rest from {begin:g} s to the end", "one that moves"),
-        ("speed_error_percent", even, f"a reference at one speed for over {after:g} s", "none"),
-    ):
-        if getattr(checks, name) is not None and not good:
-            raise ValueError(f"{where}.{name} must have {needed}; got {got}")

@@ -1,7 +1,7 @@
 """The outcome of each fault: the time until the drive was in its safe state, and whether that was safe."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -29,29 +29,18 @@ WANTED, SOURCE, _, PRESSED = range(4)  # Columns of `SilTrace.steered`
 BUS_S: Final = 0.02  # to the safe state after a fault of the bus itself
 STUCK_S: Final = 0.05  # the same for a stuck value
 PLACE_S: Final = 0.155  # 150 ms without localisation, and the delay of the next tick to the drive
-_RIDDEN: Final = ("duplicate", "reorder", "replay", "beyond_limits", "second_operator")
 _STRANGERS: Final = ("second_master", "player")
-_OWN_S: Final[Mapping[str, float]] = {
-    "babbling": BUS_S,
-    "second_master": BUS_S,
-    "player": BUS_S,
-    "over_temperature": 0.5,
-    "drive_reset": 0.02,
-    "late_solve": 0.02,
-    "clock_jump": 0.02,
-}
 
 
 def limit_s(rig: str, fault: Fault) -> float:
     """Longest time in s from a fault (not an operator's) to the safe state; inf: the loop may ride through."""
     kind, target, frame_map = fault.kind, fault.target, frame_map_of(rig)
     unseen = (kind == "biased" and not frame_map.drive.placed) or (kind == "stuck" and frame_map.drive.shaken)
-    if kind in _RIDDEN or (kind, target) == ("delay", "localisation") or (target == "feedback" and unseen):
+    own_s, weak = KINDS[kind].safe_s, abs(fault.amount) < KINDS[kind].value
+    if weak or (kind, target) == ("delay", "localisation") or (target == "feedback" and unseen):
         return math.inf
-    if abs(fault.amount) < KINDS[kind].value:
-        return math.inf
-    if kind in _OWN_S:
-        return _OWN_S[kind]
+    if not math.isnan(own_s):
+        return own_s
     if kind in ("killed", "frozen") or (
         (kind in ("drop", "delay", "corrupt", "retyped") or KINDS[kind].needs == KEY) and target in ("commands", "all")
     ):
@@ -76,7 +65,7 @@ def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
 
 def hold_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
     """Longest time in s from an operator's fault until the reference stands still; inf where it may go on."""
-    if fault.kind in _RIDDEN or abs(fault.amount) < KINDS[fault.kind].value:
+    if math.isinf(KINDS[fault.kind].safe_s) or abs(fault.amount) < KINDS[fault.kind].value:
         return math.inf
     life_s = 1e-3 * jog.life_ms
     if fault.kind == "held_back":
@@ -144,35 +133,27 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
         after_s, distance_m, why = lied(scenario, trace, faults, end)
         return FaultOutcome(faults, after_s, math.nan, bool(why), distance_m, why)
     t, safe, good = trace.slots.T
-    within = (t > fault.at_s) & (t <= end)
-    reached = np.flatnonzero(within & (safe > 0))
+    reached = np.flatnonzero((t > fault.at_s) & (t <= end) & (safe > 0))
     if reached.size and _released(scenario, trace, faults, float(t[reached[0]])):
         reached = reached[:0]
     first = int(reached[0]) if reached.size else -1
-    after_s = float(t[first] - fault.at_s) if reached.size else math.nan
+    after_s, since_good_s = (float(t[first] - at_s) if reached.size else math.nan for at_s in (fault.at_s, good[first]))
     rows = trace.rows[(trace.rows[:, at.O_T] >= fault.at_s) & (trace.rows[:, at.O_T] < end)]
-    unsafe = (
-        rows.shape[0] > 1
-        and violations(scenario.loop.truth, scenario.loop.limits, rows, scenario.loop.control.tick_s) > 0
-    )
+    loop = scenario.loop
+    unsafe = rows.shape[0] > 1 and violations(loop.truth, loop.limits, rows, loop.control.tick_s) > 0
     unsafe = unsafe or any(_missteered(scenario, trace, f, end) for f in faults if f.needs == OPERATOR)
     before = np.flatnonzero(t <= fault.at_s + ROUNDING_S)
     if before.size and not safe[before[-1]]:
-        limit = min(f.at_s - fault.at_s + _limit_s(scenario, trace, f) for f in faults)
+        # a fault of an operator who does not steer needs no safe state
+        needed = (f for f in faults if f.needs != OPERATOR or trace.steered[_tick(scenario, trace, f.at_s), SOURCE])
+        limit = min((f.at_s - fault.at_s + limit_of(scenario, f) for f in needed), default=math.inf)
         lasts = max(f.end_s for f in faults) - fault.at_s
         watched = min(lasts, end - fault.at_s, float(t[-1]) - fault.at_s)
         late = after_s > limit + ROUNDING_S if reached.size else watched > limit
         pressed = trace.steered[-1, PRESSED] > trace.steered[_tick(scenario, trace, float(t[first])), PRESSED]
         again = reached.size > 0 and not safe[first:].all() and not pressed  # a press enables the drive again
         unsafe = unsafe or late or again
-    return FaultOutcome(faults, after_s, float(t[first] - good[first]) if reached.size else math.nan, bool(unsafe))
-
-
-def _limit_s(scenario: SilScenario, trace: SilTrace, fault: Fault) -> float:
-    """`limit_of`; a fault of an operator who does not steer needs no safe state."""
-    if fault.needs == OPERATOR and not trace.steered[_tick(scenario, trace, fault.at_s), SOURCE]:
-        return math.inf
-    return limit_of(scenario, fault)
+    return FaultOutcome(faults, after_s, since_good_s, bool(unsafe))
 
 
 def _missteered(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float) -> bool:
@@ -218,10 +199,7 @@ def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: f
     moved = np.flatnonzero(within & (safe == 0))
     first = int(moved[0]) if moved.size else int(np.argmax(within))
     rests = np.flatnonzero(within & (safe > 0) & (np.arange(t.size) >= first))
-    if not moved.size:
-        after_s = 0.0
-    else:
-        after_s = float(t[rests[0]] - begin) if rests.size else math.nan
+    after_s = 0.0 if not moved.size else float(t[rests[0]] - begin) if rests.size else math.nan
     until = min(end, math.inf if not moved.size or math.isnan(after_s) else begin + after_s)
     rows = trace.rows[(trace.rows[:, at.O_T] >= begin) & (trace.rows[:, at.O_T] <= until)]
     if not moved.size:

@@ -80,12 +80,11 @@ def parts(
 ) -> list[dict[str, float | str | None]]:
     """The rms error in m over the last minute, or less, before each instant and before the end."""
     ends = [*marks, (float(seconds[-1]) + 1.0, TEXT("event.end"))]
-    rows: list[dict[str, float | str | None]] = []
-    for (before, _), (end, what) in pairwise([(0.0, ""), *ends]):
-        begin = max(before, end - WINDOW_S)
-        row = {"from_s": begin, "to_s": end, "rms_error_m": rms_m(seconds, errors_m, begin, end)}
-        rows.append({"until": what, **row})
-    return rows
+    spans = [(what, max(before, end - WINDOW_S), end) for (before, _), (end, what) in pairwise([(0.0, ""), *ends])]
+    return [
+        {"until": what, "from_s": begin, "to_s": end, "rms_error_m": rms_m(seconds, errors_m, begin, end)}
+        for what, begin, end in spans
+    ]
 
 
 def page_html(scenario: SilScenario, found: dict[str, Any], trace: SilTrace, numbers: dict[str, Any]) -> str:

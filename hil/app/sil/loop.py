@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from types import FrameType
 from typing import Any, Final
@@ -18,7 +18,6 @@ import numpy as np
 from controller.choice.choose import Progress
 from controller.model.control_model import ControlModel
 from controller.reference import STEP_S, Trajectory
-from controller.signals import Array
 from controller.supervision.fallback import DONE, shares
 from hil.app.learn.compared import Led
 from hil.app.learn.identify import Ask
@@ -41,6 +40,7 @@ _REPORTS: Final = 50  # of the progress
 LEAST_S: Final = 60.0  # Wall clock that even the shortest run may take, for compilers and busy machines
 LEARNING_S: Final = 7200.0  # Wall clock that a run with learning may take beyond that
 Learning = Callable[[ControllerNode], Learner]
+Shown = Callable[[can.Message], None]
 
 
 def learning_of(scenario: SilScenario, values: Theta, ask: Ask) -> Learning:
@@ -57,7 +57,6 @@ def learning_of(scenario: SilScenario, values: Theta, ask: Ask) -> Learning:
     )
 
 
-@dataclass
 class SilTrace(LoopTrace):
     """The trace of a run over the bus. `slots` (n, 3): end of each drive slot in s, whether safe, time of the last good
     command. `steered` (ticks, 4) is `Bench.steered`; `reported` (n, 2) time and position that the localiser sent;
@@ -65,27 +64,36 @@ class SilTrace(LoopTrace):
     record.
     """
 
-    slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    steered: Array = field(default_factory=lambda: np.zeros((0, 4)))
-    reported: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    led_at: float = -math.inf
-    unauthenticated: dict[str, int] = field(default_factory=dict)
-    operator: dict[str, object] | None = None
-    frames: int = 0
-    load: float = 0.0
-    rejected: int = 0
-    stopped_because: str = ""
-    ended: str = DONE
-    led_share: dict[str, float] = field(default_factory=dict)
-    lessons: list[Lesson] = field(default_factory=list)
-    offers: list[Offered] = field(default_factory=list)
-    learned: dict[str, object] = field(default_factory=dict)
-    experiments_at: list[float] = field(default_factory=list)
+    def __init__(self, ticks: int, slots: int) -> None:
+        super().__init__(ticks)
+        self.slots, self.steered = np.zeros((ticks * slots, 3)), np.zeros((ticks, 4))
 
     @property
     def in_force(self) -> Trajectory:
         ticks = np.linspace(0.0, self.slots[-1, 0], len(self.steered), endpoint=False)
         return Trajectory(np.interp(np.arange(0.0, self.slots[-1, 0], STEP_S), ticks, self.steered[:, 0]))
+
+    def end(self, bench: Bench, led: list[int], learner: Learner | None) -> None:
+        """Take over what the bench knows at the end; solve times count in the ticks `led`."""
+        node = bench.node
+        self.finish(bench.plant.session, node.supervisor, node.estimator)
+        self.lessons, self.offers = (learner.lessons, learner.offers) if learner else (list[Lesson](), list[Offered]())
+        self.learned, self.experiments_at = learner.record if learner else {}, node.experiments_at
+        self.frames, self.load, self.rejected = bench.frames, bench.medium.load, bench.rejected
+        self.reported = np.array(sorted(bench.plant.reported)).reshape(-1, 2)
+        self.unauthenticated = dict(bench.unauthenticated)
+        self.operator = None if node.operator is None else node.operator.document()
+        why = node.receiver.doubt(bench.time_s) or TEXT("estimate_lost" if self.lost[-1] else "not_ready")
+        self.stopped_because = node.reason or ("" if led else TEXT("never_led", why=why))
+        if self.stopped_because and bench.carriage is not None and bench.carriage.trouble:
+            self.stopped_because += f"; {bench.carriage.trouble}"
+        if node.answer.unrest and node.answer.unrest not in self.stopped_because:
+            self.stopped_because = TEXT("then", ended=self.stopped_because or DONE, unrest=node.answer.unrest)
+        rests = len(self.steered) - led[0] - len(led) if led else 0
+        self.led_share = shares(node.answer.led + Counter(stop=rests))
+        self.led_at = led[-1] * bench.tick_s if led else -math.inf
+        self.ended = self.stopped_because or node.answer.not_led(node.wanted, self.health) or DONE
+        self.solve_s = self.solve_s[led] if led else np.zeros(1)
 
 
 def judged_loop(scenario: SilScenario, trace: SilTrace) -> TrackScenario:
@@ -104,7 +112,7 @@ def run_sil(
     *,
     recorder: Recorder | None = None,
     learning: Learning | None = None,
-    shown: Callable[[can.Message], None] | None = None,
+    shown: Shown | None = None,
     **more: Any,
 ) -> SilTrace:
     """Run `scenario` over the simulated bus; `recorder` writes the log, `learning` makes the learner, `shown` gets
@@ -115,8 +123,7 @@ def run_sil(
     loop = scenario.loop
     bench.show(shown)
     ticks = round(loop.duration_s / bench.tick_s)
-    room = {"slots": np.zeros((ticks * bench.slots, 3)), "steered": np.zeros((ticks, 4))}
-    trace = SilTrace.empty(ticks, **room)
+    trace = SilTrace(ticks, bench.slots)
     longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s) + LEARNING_S * (learning is not None)
     learner = None if learning is None else learning(bench.node)
     sentence = (
@@ -124,69 +131,31 @@ def run_sil(
         " took longer"
     )
     began = time.perf_counter()
+    led = list[int]()
     with at_most(longest_s, sentence) as look:
-        led = _ticks(trace, bench, controller, report, look, learner)
+        bench.start()
+        for k in range(ticks):
+            tick = bench.begin_tick()
+            trace.steered[k] = bench.steered
+            if tick is not None:
+                trace.note(k, tick, bench.node.task.model)
+                if tick.passed.mode == ENABLE:
+                    led.append(k)
+                else:
+                    trace.status.pop()
+                if learner is not None:
+                    error_m = float(tick.estimate.state[0]) - bench.node.wanted_m(tick.time_s)
+                    learner.step(tick.time_s, bench.node.estimator.health, error_m)
+            for number in range(bench.slots):
+                at, drive = bench.slot(number), bench.plant.drive
+                trace.slots[k * bench.slots + number] = at + SLOT_S, drive.safe, drive.good_at
+            bench.end_tick()
+            if report is not None and k % max(1, ticks // _REPORTS) == 0:
+                report(controller, k / ticks)
+            look()
     trace.wall_clock_s = time.perf_counter() - began
-    _finish(trace, bench, led)
-    if learner is not None:
-        trace.lessons, trace.offers, trace.learned = learner.lessons, learner.offers, learner.record
+    trace.end(bench, led, learner)
     return trace
-
-
-def _ticks(
-    trace: SilTrace,
-    bench: Bench,
-    controller: str,
-    report: Progress | None,
-    look: Callable[[], None],
-    learner: Learner | None = None,
-) -> list[int]:
-    """Fill `trace` and call `look` after every tick; the ticks in which the controller led the drive."""
-    ticks, led = len(trace.slots) // bench.slots, []
-    bench.start()
-    for k in range(ticks):
-        tick = bench.begin_tick()
-        trace.steered[k] = bench.steered
-        if tick is not None:
-            trace.note(k, tick, bench.node.task.model)
-            if tick.passed.mode == ENABLE:
-                led.append(k)
-            else:
-                trace.status.pop()
-            if learner is not None:
-                error_m = float(tick.estimate.state[0]) - bench.node.wanted_m(tick.time_s)
-                learner.step(tick.time_s, bench.node.estimator.health, error_m)
-        for number in range(bench.slots):
-            at = bench.slot(number)
-            trace.slots[k * bench.slots + number] = at + SLOT_S, bench.plant.drive.safe, bench.plant.drive.good_at
-        bench.end_tick()
-        if report is not None and k % max(1, ticks // _REPORTS) == 0:
-            report(controller, k / ticks)
-        look()
-    return led
-
-
-def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
-    """Take over what the bench knows at the end; solve times count while the controller leads the drive."""
-    trace.finish(bench.plant.session, bench.node.supervisor, bench.node.estimator)
-    trace.experiments_at = bench.node.experiments_at
-    trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
-    trace.reported = np.array(sorted(bench.plant.reported)).reshape(-1, 2)
-    trace.unauthenticated = dict(bench.unauthenticated)
-    trace.operator = None if bench.node.operator is None else bench.node.operator.document()
-    why = bench.node.receiver.doubt(bench.time_s) or TEXT("estimate_lost" if trace.lost[-1] else "not_ready")
-    trace.stopped_because = bench.node.reason or ("" if led else TEXT("never_led", why=why))
-    if trace.stopped_because and bench.carriage is not None and bench.carriage.trouble:
-        trace.stopped_because += f"; {bench.carriage.trouble}"
-    answer = bench.node.answer
-    if answer.unrest and answer.unrest not in trace.stopped_because:
-        trace.stopped_because = TEXT("then", ended=trace.stopped_because or DONE, unrest=answer.unrest)
-    rests = len(trace.steered) - led[0] - len(led) if led else 0
-    trace.led_share = shares(answer.led + Counter(stop=rests))
-    trace.led_at = led[-1] * bench.tick_s if led else -math.inf
-    doubt = answer.not_led(bench.node.wanted, trace.health)
-    trace.ended = trace.stopped_because or doubt or DONE
-    trace.solve_s = trace.solve_s[led] if led else np.zeros(1)
 
 
 _AGAIN_S: Final = 1.0  # between further alarms

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Any, Final
 
 import can
 
@@ -26,7 +26,7 @@ from hil.app.scenario.model_use import Offered, offer_document, offer_of, read_o
 from hil.app.shared_options import argument, option
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.learning_page import learning_files
-from hil.app.sil.loop import TEXT, SilTrace, judged_loop, learning_of, run_sil
+from hil.app.sil.loop import TEXT, Shown, SilTrace, judged_loop, learning_of, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import document, score
 from hil.app.track.summary import LoopRun, lines_of, lines_of_runs, page_html
@@ -81,13 +81,12 @@ def sil(
             offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, leading.values)
             asked = _Asked(scenario, text, number, leading, believed, offered, out, mcap, apart=compare is not None)
             with (
-                nullcontext() if watch is None else Watched(watch) as shown,
+                nullcontext() if watch is None else watched(watch) as shown,
                 progress_bar(scenario.loop.name, even=True) as report,
                 Background() if learn else nullcontext() as background,
             ):
-                runs = [
-                    asked.run(name, part_of(report, k, len(names)), shown, background) for k, name in enumerate(names)
-                ]
+                parts = [part_of(report, k / len(names), (k + 1) / len(names)) for k in range(len(names))]
+                runs = [asked.run(name, part, shown, background) for name, part in zip(names, parts, strict=True)]
             documents: Any = runs[0].found if compare is None else {"runs": [one.found for one in runs]}
             head = TEXT("run", kind=scenario.loop.kind, seconds=scenario.loop.duration_s, seed=number)
             if out is not None:
@@ -96,27 +95,23 @@ def sil(
     return int(any(one.found["ended"] != DONE for one in runs))
 
 
-class Watched:
-    """Sends every frame to the local bus `channel` in real time; frames for a full queue are dropped."""
+@contextlib.contextmanager
+def watched(channel: str) -> Iterator[Shown]:
+    """What sends every frame to the local bus `channel` in real time; frames for a full queue are dropped. Raises
+    ValueError where the bus cannot be opened.
+    """
+    zero_s = math.nan
 
-    def __init__(self, channel: str) -> None:
-        """Raises ValueError where the bus cannot be opened."""
-        self._bus = watched_bus(channel)
-        self._zero_s = math.nan
-
-    def __call__(self, message: can.Message) -> None:
+    def show(message: can.Message) -> None:
+        nonlocal zero_s
         now = time.monotonic()
-        if math.isnan(self._zero_s):
-            self._zero_s = now - message.timestamp
-        time.sleep(max(0.0, self._zero_s + message.timestamp - now))
+        zero_s = now - message.timestamp if math.isnan(zero_s) else zero_s
+        time.sleep(max(0.0, zero_s + message.timestamp - now))
         with contextlib.suppress(can.CanError):
-            self._bus.send(message)
+            bus.send(message)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self._bus.shutdown()
+    with watched_bus(channel) as bus:
+        yield show
 
 
 @dataclass(frozen=True)
@@ -133,7 +128,7 @@ class _Asked:
     mcap: Path | None
     apart: bool
 
-    def run(self, name: str, report: Progress, shown: Watched | None, background: Background | None) -> LoopRun:
+    def run(self, name: str, report: Progress, shown: Shown | None, background: Background | None) -> LoopRun:
         """The run with the controller `name`; with `background` it learns, and writes the page of that."""
         scenario, leading, believed = self.scenario, self.leading, self.believed
         learning = None if background is None else learning_of(scenario, leading.values, background)

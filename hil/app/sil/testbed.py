@@ -176,7 +176,6 @@ class Bench:
         return at
 
     def end_tick(self) -> None:
-        """Let the wire run until the next tick."""
         self.ticks += 1
         self.medium.advance(self.time_s)
 

@@ -4,13 +4,11 @@ import math
 import time
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import dropwhile
 from types import MappingProxyType
-from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.choice.choose import Progress
 from controller.closed_loop import Asked, ClosedLoop, Tick
@@ -19,7 +17,7 @@ from controller.estimator.base import Counts
 from controller.height import choose_height, values_at
 from controller.model.control_model import ControlModel, control_model
 from controller.monitor import Health
-from controller.signals import Array, Measurement
+from controller.signals import Measurement
 from controller.supervision.fallback import Event
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
@@ -34,43 +32,26 @@ from plant.session import Session
 _REPORTS = 50  # of the progress
 
 
-@dataclass
 class LoopTrace:
     """The trace of a run, one entry for each tick. `rows` is the true state (`plant.layout`), `health` the last state
     of the monitor, `truth` the true rig, `halted` why the supervisor stopped, `first` the controller asked for.
     """
 
-    time_s: Array
-    command: Array
-    position_m: Array
-    wall_m: Array
-    disturbance_N: Array
-    lost: NDArray[np.bool_]
-    status: list[str]
-    solve_s: Array
-    estimate_s: Array
-    active: list[str] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
-    counts: Counts = field(default_factory=Counts)
-    rows: Array = field(default_factory=lambda: np.zeros((0, 9)))
-    measured: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    wall_clock_s: float = 0.0
-    taken_at: float = math.nan
-    switched: list[tuple[float, str]] = field(default_factory=list)
-    health: Health = field(default_factory=Health)
-    truth: Truth | None = None
-    halted: str = ""
-    first: str = ""
+    def __init__(self, ticks: int) -> None:
+        self.time_s, self.command, self.position_m, self.wall_m = (np.full(ticks, np.nan) for _ in range(4))
+        self.disturbance_N, self.solve_s, self.estimate_s = (np.full(ticks, np.nan) for _ in range(3))
+        self.lost = np.zeros(ticks, dtype=bool)
+        self.status, self.active, self.events = list[str](), list[str](), list[Event]()
+        self.rows = np.zeros((0, 9))
+        self.counts, self.health, self.switched = Counts(), Health(), list[tuple[float, str]]()
+        self.taken_at, self.wall_clock_s = math.nan, 0.0
+        self.truth: Truth | None = None
+        self.halted = self.first = ""
 
     @property
     def led(self) -> Counter[str]:
         """Ticks by who led, from the first that was led."""
         return Counter(dropwhile(lambda name: name == "stop", self.active))
-
-    @classmethod
-    def empty(cls, ticks: int, **more: Any) -> Self:
-        a, b, c, d, e, f, g = (np.full(ticks, np.nan) for _ in range(7))
-        return cls(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g, **more)
 
     def note(self, k: int, tick: Tick, model: ControlModel) -> None:
         self.time_s[k], self.command[k] = tick.time_s, tick.action.command
@@ -116,16 +97,13 @@ def _lifted(scenario: TrackScenario, model: ControlModel) -> Truth:
 
 
 class _Plant:
-    """The plant as the world of a loop; `places` are times and values of the localisation."""
+    """The plant as the world of a loop."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.places: list[tuple[float, float]] = []
 
     def advance(self, command: float, until_s: float) -> list[Measurement]:
-        readings = self.session.advance(command, until_s)
-        self.places += [(r.stamp_s, r.value) for r in readings if r.channel == "position_m"]
-        return [Measurement(r.channel, r.value, r.stamp_s) for r in readings]
+        return [Measurement(r.channel, r.value, r.stamp_s) for r in self.session.advance(command, until_s)]
 
 
 def run_loop(
@@ -147,7 +125,7 @@ def run_loop(
     truth = _lifted(scenario, model)
     plant = _Plant(Session(truth, scenario.instruments, seed, loop.supervisor.issued.command))
     ticks = round(scenario.duration_s / scenario.control.tick_s)
-    trace = LoopTrace.empty(ticks)
+    trace = LoopTrace(ticks)
     began = time.perf_counter()
     for k, tick in enumerate(loop.run(plant, ticks)):
         trace.note(k, tick, model)
@@ -155,6 +133,5 @@ def run_loop(
             report(controller, k / ticks)
     trace.wall_clock_s = time.perf_counter() - began
     trace.finish(plant.session, loop.supervisor, loop.estimator)
-    trace.measured, trace.truth = np.array(plant.places).reshape(-1, 2), truth
-    trace.halted, trace.first = loop.supervisor.halted, loop.supervisor.first
+    trace.truth, trace.halted, trace.first = truth, loop.supervisor.halted, loop.supervisor.first
     return trace

@@ -151,23 +151,22 @@ def document(
 def verdicts(scenario: TrackScenario, controller: str, trace: LoopTrace, found: Score) -> list[dict[str, Any]]:
     """Each check of `controller`: name, `value` in its unit (inf: never), `limit`, whether passed."""
     checks = scenario.checks.get(controller, TrackChecks())
-    values = dict(_scored(found)) | dict(_traced(scenario, checks, trace))
+    values: dict[str, float] = {
+        "rmse_mm": 1e3 * found.tracking_rmse_m,
+        "worst_mm": 1e3 * found.tracking_max_m,
+        "final_mm": 1e3 * abs(found.final_error_m),
+        "wall_force_mN": 1e3 * found.wall_force_max_N,
+        "hard_violations": found.hard_violations,
+        "lost_ticks": found.ticks["lost"],
+        "failed_ticks": found.solve_ms["failed"],
+        **dict(_traced(scenario, checks, trace)),
+    }
     limits = {name: getattr(checks, name) for name in values}
     return [
         {"check": name, "value": value, "limit": limits[name], "passed": bool(value <= limits[name])}
         for name, value in values.items()
         if limits[name] is not None
     ]
-
-
-def _scored(found: Score) -> Iterator[tuple[str, float]]:
-    yield "rmse_mm", 1e3 * found.tracking_rmse_m
-    yield "worst_mm", 1e3 * found.tracking_max_m
-    yield "final_mm", 1e3 * abs(found.final_error_m)
-    yield "wall_force_mN", 1e3 * found.wall_force_max_N
-    yield "hard_violations", found.hard_violations
-    yield "lost_ticks", found.ticks["lost"]
-    yield "failed_ticks", found.solve_ms["failed"]
 
 
 def _traced(scenario: TrackScenario, checks: TrackChecks, trace: LoopTrace) -> Iterator[tuple[str, float]]:
@@ -185,14 +184,11 @@ def _traced(scenario: TrackScenario, checks: TrackChecks, trace: LoopTrace) -> I
         yield "settled_within_s", max(times, default=math.inf)
     if checks.speed_error_percent is not None:
         after = checks.speed_after_s
-        yield (
-            "speed_error_percent",
-            max(
-                100 * abs(_mean_speed(t, x, begin + after, end) / speed - 1)
-                for (begin, end), speed in legs(reference, duration)
-                if end - begin > after
-            ),
-        )
+        long = [(begin + after, end, speed) for (begin, end), speed in legs(reference, duration) if end - begin > after]
+        # the slope of the line through the positions: the ends alone would fall somewhere into a swing
+        slopes = [np.polyfit(t[part], x[part], 1)[0] for b, end, _ in long for part in [(t >= b) & (t < end)]]
+        errors = (100 * abs(slope / speed - 1) for slope, (*_, speed) in zip(slopes, long, strict=True))
+        yield "speed_error_percent", max(errors)
 
 
 def _below_for_good(t: Array, error: Array, bound: float, begin: float, end: float) -> float:
@@ -215,10 +211,3 @@ def _back_below(t: Array, error: Array, bound: float, begin: float) -> float:
         if start < times.size and end >= times[start] + STAYING_S:
             return float(times[start] - begin) if start else 0.0
     return math.inf
-
-
-def _mean_speed(t: Array, x: Array, begin: float, end: float) -> float:
-    """Slope of the line through the positions: the ends alone would fall somewhere into a swing."""
-    inside = (t >= begin) & (t < end)
-    late = t[inside] - np.mean(t[inside])
-    return float(np.sum(late * x[inside]) / np.sum(late**2))

@@ -1,6 +1,5 @@
 """`capsule track`: a closed loop in simulation, without a bus."""
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,9 +10,9 @@ from controller.registry import CONTROLLERS, leads
 from controller.supervision.fallback import DONE, not_led, shares
 from hil.app import shared_options as options
 from hil.app.console import answer, json_text, output_to_notes, part_of, progress_bar
-from hil.app.scenario.chosen import Believed, Leading, leading_of, mission_of, switched
+from hil.app.scenario.chosen import Believed, leading_of, mission_of, switched
 from hil.app.scenario.model_use import offer_document, offer_of, read_offer
-from hil.app.scenario.scenario import TrackScenario, load_track_scenario
+from hil.app.scenario.scenario import load_track_scenario
 from hil.app.shared_options import argument, option
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score, verdicts
@@ -42,48 +41,32 @@ def track(
         scenario = load_track_scenario(path, reference).knowing(known)
         if compare and controller is not None:
             raise ValueError(f"--compare runs all controllers, so it must stand without --controller; got {controller}")
-        able = [name for name in CONTROLLERS if scenario.kind in leads(name)]
+        number, log = scenario.seed if seed is None else seed, None if out is None else str(out / "track.json")
         with output_to_notes():
-            believed = Believed(partial(believed_model, scenario))
+            believed, runs = Believed(partial(believed_model, scenario)), list[LoopRun]()
             leading = leading_of(model, stage, controller, scenario, known, believed)
-            names, number = able if compare else [leading.controller], scenario.seed if seed is None else seed
-            runs = _runs(scenario, path.parent, leading, believed, names, number, out)
-            documents: Any = {"runs": [run.found for run in runs]} if compare else runs[0].found
-            head = TEXT("run", kind=scenario.kind, seconds=scenario.duration_s, seed=number)
-            if out is not None:
-                write_files({out / "track.html": page_html(head, runs), out / "track.json": json_text(documents)})
+            leads_on, others = believed(leading.values), leading.beside(believed)
+            offered = read_offer(scenario.offer, path.parent, scenario.belief, leading.values)
+            offer = offer_of(offered, lambda new: believed(new, leads_on))
+            able = [name for name in CONTROLLERS if scenario.kind in leads(name)]
+            names = leading.seeing(mission_of(scenario), believed, able if compare else [leading.controller])
+            with progress_bar(scenario.name, even=True) as report:
+                for k, name in enumerate(names):
+                    part = part_of(report, k / len(names), (k + 1) / len(names))
+                    trace = run_loop(scenario, leads_on, name, number, part, offer=offer, others=others)
+                    worth = score(scenario, trace)
+                    found = document(scenario, name, number, leading.stage, worth, log)
+                    found |= leading.document() | offer_document(offered, trace.taken_at) | switched(trace.switched)
+                    found["ended"] = trace.halted or not_led(trace.led, trace.first) or DONE
+                    found["led_share"] = shares(trace.led)
+                    if leads_on.rig.magnets is not None:
+                        found["height_m"] = leads_on.rig.magnets.height_m
+                    found["checks"] = verdicts(scenario, name, trace, worth)
+                    runs.append(LoopRun(scenario, found, trace, lines_of(found)))
+        documents: Any = {"runs": [run.found for run in runs]} if compare else runs[0].found
+        head = TEXT("run", kind=scenario.kind, seconds=scenario.duration_s, seed=number)
+        if out is not None:
+            write_files({out / "track.html": page_html(head, runs), out / "track.json": json_text(documents)})
     answer(json_output, documents, *lines_of_runs(head, runs, out and out / "track.html"))
     failed = any(not check["passed"] for run in runs for check in run.found["checks"])
     return int(failed or any(run.trace.halted for run in runs))
-
-
-def _runs(
-    scenario: TrackScenario,
-    folder: Path,
-    leading: Leading,
-    believed: Believed,
-    names: Sequence[str],
-    seed: int,
-    out: Path | None,
-) -> list[LoopRun]:
-    model, others = believed(leading.values), leading.beside(believed)
-    offered = read_offer(scenario.offer, folder, scenario.belief, leading.values)
-    offer = offer_of(offered, lambda new: believed(new, model))
-    names = leading.seeing(mission_of(scenario), believed, names)
-    runs = list[LoopRun]()
-    with progress_bar(scenario.name, even=True) as report:
-        for k, name in enumerate(names):
-            part = part_of(report, k, len(names))
-            trace = run_loop(scenario, model, name, seed, part, offer=offer, others=others)
-            worth = score(scenario, trace)
-            found = document(
-                scenario, name, seed, leading.stage, worth, None if out is None else str(out / "track.json")
-            )
-            found |= leading.document() | offer_document(offered, trace.taken_at) | switched(trace.switched)
-            found["ended"] = trace.halted or not_led(trace.led, trace.first) or DONE
-            found["led_share"] = shares(trace.led)
-            if model.rig.magnets is not None:
-                found["height_m"] = model.rig.magnets.height_m
-            found["checks"] = verdicts(scenario, name, trace, worth)
-            runs.append(LoopRun(scenario, found, trace, lines_of(found)))
-    return runs

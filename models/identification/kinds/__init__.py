@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any, Final, cast
 
 from models.assembly.model import effect_parameters
-from models.checks.usable import cleaned, resampled
+from models.checks.usable import cleaned, treated
 from models.effects import REFINEMENTS
 from models.identification.kind import Kind
 from models.identification.kinds.axis.axis import AxisKind
@@ -72,7 +72,9 @@ def ready(record: Record, rig: Rig) -> Record:
     with named(record):
         clean = cleaned(record, rig)
         even = evened(clean, (*clean.layout.known(), USED)) if record.kind == AXIS.id else clean
-        return even if even is clean else resampled(even, clean)
+        if even is clean:
+            return clean
+        return treated(replace(even, treated=clean.treated), "resampled", n=len(clean))
 
 
 _BY_RECORD: Final = ("predict", "predictions", "residual", "stacked", "imitate", "extra_force")

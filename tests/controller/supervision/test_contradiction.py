@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from controller.limits import Envelope, Limits
-from controller.supervision.contradiction import CONTRADICT, Contradiction, Corridor, JumpCheck
+from controller.supervision.contradiction import CONTRADICT, FREE, Contradiction, Corridor, JumpCheck
+from controller.supervision.loose import Resistance
 from controller.supervision.probe import Probe
 
 TICK_S = 2e-3
@@ -24,10 +25,10 @@ def reason(
     wanted: Callable[[float], float],
     seconds: float = 10.0,
     noise_m: float = 1e-4,
-    friction: float = math.inf,
+    resistance: Resistance = FREE,
 ) -> tuple[float, str]:
     """When and why a run in which drive and localisation say this is stopped; (inf, "") where it is not."""
-    rng, watch = np.random.default_rng(0), Contradiction(envelope, noise_m, friction)
+    rng, watch = np.random.default_rng(0), Contradiction(envelope, noise_m, resistance)
     for k in range(round(seconds / TICK_S)):
         t = k * TICK_S
         said = watch.drove(drive(t), wanted(t), TICK_S)
@@ -75,10 +76,12 @@ def test_a_capsule_that_does_not_answer_is_stopped() -> None:
     at, said = reason(MAGNET, lambda t: min(5e-3 * t, 0.0105), rest, lambda t: 5e-3 * t)
     assert "does not answer" in said
     assert at == pytest.approx(0.9 * 0.011 / 5e-3 + 1.0, abs=0.1)
-    at, said = reason(COIL, lambda t: -0.5, rest, rest, friction=0.12)
+    at, said = reason(COIL, lambda t: -0.5, rest, rest, resistance=Resistance((0.12, 0.12)))
     assert "does not answer" in said
     assert at < 0.06
-    assert reason(COIL, lambda t: -0.3, rest, rest, friction=0.12) == (math.inf, ""), "a push that the coil holds"
+    assert reason(COIL, lambda t: -0.3, rest, rest, resistance=Resistance((0.12, 0.12))) == (math.inf, ""), (
+        "a push that the coil holds"
+    )
     _, said = reason(SHAKEN, lambda t: float(t % 0.1 < 0.03), rest, rest, seconds=20.0)
     assert "has not moved while the inner mass swung" in said
 
@@ -171,14 +174,3 @@ def test_a_probe_passes_a_sound_rig_over_folds_and_finds_what_is_told_wrongly() 
         assert "does not answer" in probed(envelope, lambda w: 0.1 * w, dragging(1.0))
         assert "moves against the drive" in probed(envelope, lambda w: -w, dragging(1.0))
     assert "readings" in Probe(MAGNET).reason()
-
-
-@pytest.mark.parametrize(("speed_m_s", "frictions"), [(0.0, math.inf), (0.02, math.inf), (0.15, 1.5), (0.24, 0.6)])
-def test_a_coil_that_pushed_a_capsule_loose_pushes_less(speed_m_s: float, frictions: float) -> None:
-    """Four frictions would take a slipping capsule beyond its speed limit before the next reading shows it."""
-    friction, watch, rng = 0.1, Contradiction(COIL, 1e-4, 0.1), np.random.default_rng(0)
-    for k in range(10):
-        t = 0.01 * k
-        watch.drove(-2 * friction, 0.0, TICK_S)
-        watch.saw(speed_m_s * t + 1e-4 * rng.standard_normal(), -2 * friction, speed_m_s * t, t)
-    assert watch.room == pytest.approx((-frictions * friction, frictions * friction), abs=0.15 * friction)

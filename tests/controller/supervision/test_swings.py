@@ -97,11 +97,11 @@ def test_feedforward_calms_down_to_a_sixteenth_of_its_pace() -> None:
 
 def test_a_coil_whose_localisation_is_later_than_it_knows_comes_to_swing_less(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = load_track_scenario(RAMP)
-    seconds = 24.0
+    seconds = 44.0
     scenario = replace(
         plain,
         duration_s=seconds,
-        reference=Steps(positions_mm=[18.0, 0.0, 18.0, 0.0], speed_mm_s=4.0).trajectory(seconds),
+        reference=Steps(positions_mm=[18.0, 0.0] * 4, speed_mm_s=4.0).trajectory(seconds),
         instruments=replace(plain.instruments, localisation=replace(plain.instruments.localisation, std=2e-4)),
         truth=replace(plain.truth, hidden={"sensor_delay": {"time_s": 0.08, "onset_s": 2.0}}),
         control=plain.control.but(tick_s=4e-3),

@@ -1,11 +1,10 @@
 """What the node sees of a sound rig while its own ticks are held up."""
 
-import math
-
 import numpy as np
 
 from controller.limits import Envelope, Limits
 from controller.signals import Measurement
+from controller.supervision.loose import Resistance
 from controller.supervision.probe import Probe
 from hil.nodes.node import Shifted
 from hil.nodes.plausibility import Onlooker
@@ -17,7 +16,7 @@ MAGNET = Envelope(-1.0, 1.0, Limits(), 0.25, 10.0, 0.011, placed=True)
 def probed(seed: int) -> str:
     """What the probe says where ticks are skipped for up to 0.4 s at random; the readings of a gap arrive after it."""
     probe, rng = Probe(MAGNET), np.random.default_rng(seed)
-    reference, onlooker = Shifted(probe.path, 0.0, 0.0), Onlooker(MAGNET, 1e-4, TICK_S, 1e-4, math.inf)
+    reference, onlooker = Shifted(probe.path, 0.0, 0.0), Onlooker(MAGNET, 1e-4, TICK_S, 1e-4, Resistance())
     waiting: list[Measurement] = []
     goes_on_s = 0.0
     for t in np.arange(0.0, probe.path.end_s, TICK_S).tolist():

@@ -237,7 +237,7 @@ def test_runs_that_fail_are_told_with_their_reason_and_hide_no_worst_case() -> N
     assert (numbers["runs"], numbers["failed"], numbers["max"], numbers["hard_violations"]) == (22, 21, 1.0, 2)
     outside = Runs([{**row, "cause": "outside", "error": "no space left"}], "tracking_rmse_m")
     assert list(outside.failures) == ["no space left; the next start does it again"]
-    assert {failure.error: failure.count for failure in runs.failures.values()} == {
+    assert {error: len(failed) for error, failed in runs.failures.items()} == {
         row["error"]: 20,
         "its result has no number tracking_rmse_m": 1,
     }

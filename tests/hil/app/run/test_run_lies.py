@@ -2,7 +2,6 @@
 and are told.
 """
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import pytest
 from controller.drives import envelope_of
 from controller.limits import Limits
 from controller.signals import Measurement
+from controller.supervision.loose import Resistance
 from hil.nodes.plausibility import Onlooker
 from plant import layout as at
 from tests.hil.app.docs.ends import RUN_ENDS
@@ -115,7 +115,7 @@ def test_a_jump_is_doubted_then_followed_slowly_and_told(tmp_path: Path) -> None
 def test_a_step_of_the_estimate_is_a_jump_where_the_readings_step(speed_m_s: float, jump_m: float, jumps: int) -> None:
     """Behind a drive that lags the estimate steps by 2 mm and more, while the capsule goes on steadily."""
     envelope = envelope_of(model_of("magnetic").drive, Limits())
-    onlooker, rng = Onlooker(envelope, 3e-4, 2e-3, 2.5e-4, math.inf), np.random.default_rng(1)
+    onlooker, rng = Onlooker(envelope, 3e-4, 2e-3, 2.5e-4, Resistance()), np.random.default_rng(1)
     for k in range(20):
         place_m = speed_m_s * 0.005 * k + (jump_m if k > 9 else 0.0)
         reading = Measurement("position_m", place_m + 2.5e-4 * rng.standard_normal(), 0.005 * k)

@@ -12,7 +12,7 @@ from hil.app.cockpit.source import BusSource
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario
 from hil.app.sil.loop import run_sil
-from hil.app.sil.sil import Watched
+from hil.app.sil.sil import watched
 from hil.app.sil.testbed import believed_on_bus
 from hil.bus.local import LocalBus
 from models.theta import Theta
@@ -34,7 +34,7 @@ def test_a_watched_run_is_the_same_and_takes_its_time(scenario: Path, channel: s
     model = believed_on_bus(loaded, Theta())
     quiet, shown_too = Digest(), Digest()
     alone = run_sil(loaded, model, "pid", 1, shown=quiet)
-    with LocalBus(channel, fd=True) as watcher, Watched(channel) as shown:
+    with LocalBus(channel, fd=True) as watcher, watched(channel) as shown:
         began = time.monotonic()
 
         def both(message: can.Message) -> None:

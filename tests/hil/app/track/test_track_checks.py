@@ -23,7 +23,7 @@ SHIPPED = sorted(FOLDER.glob("track_*.toml"))
 def led(scenario: TrackScenario, error_mm: list[tuple[float, float]]) -> dict[str, tuple[float, bool]]:
     """Verdicts on a run whose position is off the reference by `error_mm`, (from when, how far)."""
     t = 2e-4 * np.arange(round(scenario.duration_s / 2e-4))
-    trace = LoopTrace.empty(round(scenario.duration_s / scenario.control.tick_s))
+    trace = LoopTrace(round(scenario.duration_s / scenario.control.tick_s))
     trace.rows = np.zeros((t.size, at.O_COUNT))
     off = np.zeros_like(t)
     for begin, error in error_mm:

@@ -14,6 +14,7 @@ from hil.app.write import sole_writer, table_text, write_files
 from models.files.toml import check_word
 from models.identification.kinds import kind_for
 from models.records.record import Record
+from models.rigs.columns import FURTHER
 from models.rigs.kind import Record as Columns
 from models.rigs.kind import RigKind, Tables
 from models.rigs.kinds import KINDS
@@ -87,8 +88,9 @@ def commented(kind: RigKind, values: Tables, columns: Sequence[str]) -> str:
     lines += [_line(key, kind.head, values["rig"]) for key in kind.head.model_fields if key != "kind"]
     for name, table in kind.tables.items():
         lines += ["", f"[{name}]", *(_line(key, table, values.get(name, {})) for key in table.of(columns))]
-    measured = kind.columns(columns).measured
-    stated = [key for key in Noise.model_fields if any(key.partition("_std_")[0] in column for column in measured)]
+    measured, further = kind.columns(columns).measured, [FURTHER[name].key("std") for name in kind.layout.beside]
+    stems = ((key, key.partition("_std_")[0]) for key in Noise.model_fields)
+    stated = [key for key, stem in stems if key in further or any(stem in column for column in measured)]
     lines += ["", "[noise]", *(_line(key, Noise, values.get("noise", {})) for key in stated)]
     within = {} if kind.instead is None else {f"rig.{kind.instead.name}": kind.instead.table}
     for name, table in {**within, **kind.further}.items():

@@ -12,9 +12,11 @@ from models.assembly.step import Stepper
 from models.drives.drive import Drive
 from models.effects.effect import Effect
 from models.parameter import Name, Parameter
+from models.rigs.columns import FURTHER, Seen
 from models.surfaces.gut import LONGEST
 from models.surfaces.surface import Surface
 
+Effects = Sequence[type[Effect]]
 BASE_STATES = ("x", "v", "a", "u", "slip", "u_rate", "direction", "travelled", "dwell")
 
 
@@ -43,31 +45,33 @@ class Assembly:
         return np.array([(self.initial | dict[Name, float](values))[name] for name in self.states])
 
 
-def followed_by(effects: Sequence[type[Effect]], state: Name) -> str:
+def followed_by(effects: Effects, state: Name) -> str:
     """Where a `state` of a model with `effects` is after a long rest: "command", "position", or "" for 0."""
     if isinstance(state, str):
         return ""
     return next((e.follows.get(state[1], "") for e in effects if e.id == state[0]), "")
 
 
-def effect_parameters(effects: Sequence[type[Effect]]) -> tuple[Parameter, ...]:
+def effect_parameters(effects: Effects) -> tuple[Parameter, ...]:
     """The effects' parameters, each with its effect."""
     return tuple(replace(p, effect=e.id) for e in effects for p in e.parameters())
 
 
-def model_states(base: Sequence[str], drive: Drive, effects: Sequence[type[Effect]]) -> tuple[Name, ...]:
+def model_states(base: Sequence[str], drive: Drive, effects: Effects) -> tuple[Name, ...]:
     """Names of the states of a model: the `base`, the drive's, the effects'."""
     own = ((drive.name, drive.states), *((e.id, e.states) for e in effects))
     return (*base, *((owner, name) for owner, states in own for name in states))
 
 
-def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (), smoothing: float = 0.0) -> Assembly:
+def assemble(
+    surface: Surface, drive: Drive, effects: Effects = (), smoothing: float = 0.0, further: Sequence[str] = ()
+) -> Assembly:
     """The body on `surface` (the gut's `Wall` or a `Plate`) under `drive`, with `effects`.
 
     In the gut `m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)`, on a plate `m a = F_act - mu N Sgn(v)`; set-valued
     friction is solved within the step (`models.surfaces.gut.settle`), with `smoothing` in m/s for controllers that need
     derivatives: a resting body then creeps at a speed of that order. For an imposed motion the output is the pull that
-    it takes, else the body's position. Raises ValueError for an imposed motion on a plate.
+    it takes, else the body's position, then the `further` columns. Raises ValueError for an imposed motion on a plate.
     """
     if drive.imposed and not surface.dragged:
         raise ValueError(f"drive must leave the body free on a plate; got {drive.name!r}, which imposes its position")
@@ -83,6 +87,10 @@ def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (
     unit, last = drive.command_unit, c0 if drive.stepped else c1
     first, last = (c0, last) if unit == 1 else (c0 / unit, last / unit)
     new, output = stepper.advance(now, first, last, t, h)
+    if further:
+        behind = next((new[effect.id, effect.behind] for effect in effects if effect.behind), 0.0)
+        seen = Seen(output, new["v"], new["drive"], behind)
+        output = ca.vertcat(output, *(FURTHER[name].shown(seen) for name in further))
     function = ca.Function("step", [state, c0, c1, t, h, q], [ca.vertcat(*(new[name] for name in names)), output])
     initial: dict[Name, float] = dict.fromkeys(names, 0.0) | {"direction": 1.0}
     return Assembly(tuple(effects), names, initial, parameters, function, _correction(surface, drive, names))

@@ -110,7 +110,7 @@ class Stepper:
         )
 
     def advance(self, now: dict[Name, Any], c0: Any, c1: Any, t: Any, h: Any) -> tuple[dict[Name, Any], Any]:
-        """The states after a step `h` from `t` in s as the command goes from `c0` to `c1`, and the output then."""
+        """States a step `h` after `t` in s, command from `c0` to `c1`, and the `drive`'s force; the output then."""
         imposed = self.drive.imposed and self.link is None
         drag, rate = Drag(now["u"], now["slip"]), (c1 - c0) / h
         T_quiet = self.tension(drag.u if imposed else drag.u + 0.5 * h * now["u_rate"])
@@ -153,7 +153,7 @@ class Stepper:
             output = grip.friction * s.direction + F_v + T - outside
         elif self.link is not None:
             output = self.link.force(command - now["x"] - h * v_next) + self.link.damping * (rate - v_next)
-        new = _motion(now, x_next, v_next, dragged, s, h, rest) | own
+        new = _motion(now, x_next, v_next, dragged, s, h, rest) | own | {"drive": push.force}
         seen = replace(active_next, z=active_next.follow(s, output, h))
         return new | dict(seen.z), seen.through("measured", s, output)
 

@@ -25,7 +25,6 @@ NEVER_S = 1e30
 def _run(
     codes: tuple[int, ...],
     forgets: float,
-    beside: int,
     state: Array,
     commands: Array,
     measured: Array,
@@ -38,13 +37,13 @@ def _run(
     step, correct = codes
     n, lanes = state.shape
     m, h = parameters.shape[0], dt / substeps
-    work = np.zeros((n + m + 2) * lanes)
+    work = np.zeros((n + m + 1) * lanes + output.shape[1])
     for lane in range(lanes):  # slices' assignment takes numba seconds to compile
         for i in range(n):
             work[i * lanes + lane] = state[i, lane]
         for i in range(m):
             work[(n + i) * lanes + lane] = parameters[i, lane]
-    shown, error = work[-2 * lanes : -lanes], work[-lanes:]
+    shown, error = work[(n + m) * lanes : -lanes], work[-lanes:]
     slow, now, gains = np.zeros(lanes), np.zeros(4), np.full(1, gain)
     for k in range(commands.shape[0]):
         c1 = commands[k]
@@ -55,10 +54,8 @@ def _run(
             now[2] = (k - 1) * dt + j * h if k > 0 else -h
             now[3] = h
             call(step, work, now)
-        for lane in range(lanes):
+        for lane in range(output.shape[1]):
             output[k, lane] = shown[lane]
-        for lane in range(lanes, output.shape[1]):
-            output[k, lane] = work[(beside - 1) * lanes + lane]
         if gain != 0.0:
             for lane in range(lanes):
                 e = measured[k, lane] - shown[lane]
@@ -76,11 +73,10 @@ class Kernel:
     """`step(state, c0, c1, t, h, parameters) -> (state, output)` and `correct(state, error, gain)` as a compiled loop
     over samples. `many(states, commands, measured, gain, parameters, substeps, dt, outputs)` runs `LANES` parameter
     sets side by side, a column each of `states` (n, LANES), `parameters` (m, LANES), `measured` and `outputs` (samples,
-    LANES); `one` runs a single set, with the same numbers, on plain vectors.
+    LANES a row of the output); `one` runs a single set, with the same numbers, on plain vectors.
 
     The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
-    overwrites `states` with the last ones and fills `outputs`, each predicted before its sample is seen, and beside it
-    the states from number `beside` on, as many as there are columns. `correct` then
+    overwrites `states` with the last ones and fills `outputs`, each predicted before its sample is seen. `correct` then
     moves the state by `gain` times the prediction's error less its slow part (a mean over about `slow_s`): an observer
     that keeps slip events in step without hiding slow errors of the model. It runs free where `measured` is NaN, and
     throughout at a gain of 0. Compiled when first run and kept on disk. Running raises ValueError for operations that
@@ -90,7 +86,6 @@ class Kernel:
     step: ca.Function
     correct: ca.Function
     slow_s: float = SLOW_S
-    beside: int = 1
 
     @cached_property
     def many(self) -> Loop:
@@ -104,6 +99,6 @@ class Kernel:
         )
 
     def _compiled(self, lanes: int) -> Loop:
-        n, m = self.step.numel_in(0), self.step.numel_in(5)
-        codes = (Code(self.step, {0: 0, 5: n}, (0, n + m)), Code(self.correct, {0: 0, 1: n + m + 1}, (0,)))
-        return partial(_run, addresses(codes, lanes), self.slow_s, self.beside)
+        n, m, rows = self.step.numel_in(0), self.step.numel_in(5), self.step.numel_out(1)
+        codes = (Code(self.step, {0: 0, 5: n}, (0, n + m)), Code(self.correct, {0: 0, 1: n + m + rows}, (0,)))
+        return partial(_run, addresses(codes, lanes), self.slow_s)

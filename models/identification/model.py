@@ -22,11 +22,12 @@ from models.files.access import read_json, read_text
 from models.files.toml import in_file, parse_toml, shown, toml_text
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for, ready
-from models.identification.kinds.series.drive_input import SWITCH_DELAY
+from models.identification.kinds.series.drive_input import SWITCH_DELAY, read_late
 from models.identification.record_checks import check_demand
 from models.identification.validity import Ranges, beyond, ranges_of
 from models.parameter import Parameter, nearest
 from models.records.record import Record, named
+from models.rigs.columns import FURTHER
 from models.rigs.kinds import named as named_in_file
 from models.rigs.rig import Rig
 from models.rigs.schema import Table
@@ -213,13 +214,15 @@ class Model:
         kind = kind_for(rig, [record.without(record.layout.measured)])
         # the delay of a switch is bounded by a sample of the records that it was found on
         base = [replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base]
+        # other records of the rig may have other further columns
+        late = [p for name in record.layout.beside for p in read_late(FURTHER[name], rig.clock)]
         effects = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
         possible = {f"possible.{name}": values for name, values in self.possible.items()}
         for stage, values in {**self.stages, **possible}.items():
             must = f"[{stage}] must have effects that can act on a rig of kind {kind.name}"
             _refuse_strange(must, values.effects, [*effects])
             own = [(p, p.fit) for p in effect_parameters([effects[name] for name in values.effects])]
-            _check_values(stage, values, [*((p, True) for p in base), *own])
+            _check_values(stage, values, [*((p, p not in late) for p in base), *((p, False) for p in late), *own])
 
 
 def sealed(text: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.rigs.benches import AXIS, DRIVEN_AXIS
-from models.rigs.columns import LOAD_PLACES, TIME
+from models.rigs.columns import TIME
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
@@ -25,7 +25,7 @@ def kind_of(rig: Rig, columns: Collection[str]) -> RigKind:
     or voltage, one with a second encoder at the load by its force.
     """
     kind = KINDS[rig.kind]
-    if kind is AXIS and {*LOAD_PLACES} & set(columns):
+    if kind is AXIS and any(name in columns for one in kind.layouts for name in one.beside):
         return DRIVEN_AXIS
     if kind is not AXIS or {*_FORCES} & set(columns):
         return kind

@@ -8,7 +8,7 @@ from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic, MagnetPair
 from models.drives.pull import Pull
 from models.drives.vibro import RatedVibro, Stop, Vibro, VoltageVibro
-from models.rigs.columns import ACCELERATION, Columns
+from models.rigs.columns import ACCELERATION, DRIVE_FORCE, Columns
 from models.rigs.kind import IN_GUT, Instead, RigKind
 from models.rigs.magnets import Magnet, Magnets, read_magnets
 from models.rigs.rig import Head, Rig
@@ -52,7 +52,7 @@ def _magnet_drive(rig: Rig, by_voltage: bool) -> Drive:
 
 MAGNETIC = RigKind(
     id="magnetic",
-    layouts=(Columns((("carriage_position_m",),), ("position_m",), beside=(ACCELERATION,)),),
+    layouts=(Columns((("carriage_position_m",),), ("position_m",), beside=(ACCELERATION, DRIVE_FORCE)),),
     head=MagneticHead,
     instead=Instead("magnet", Magnets, read_magnets, MagnetsHead),
     tables=IN_GUT,
@@ -87,7 +87,7 @@ def _coil_drive(rig: Rig, by_voltage: bool) -> Drive:
 
 COIL = RigKind(
     id="coil",
-    layouts=(Columns((("coil_current_A", "coil_voltage_V"),), ("position_m",), beside=(ACCELERATION,)),),
+    layouts=(Columns((("coil_current_A", "coil_voltage_V"),), ("position_m",), beside=(ACCELERATION, DRIVE_FORCE)),),
     head=CoilHead,
     tables=IN_GUT,
     further={"surface": SurfaceTable, "clock": ClockTable},

@@ -1,18 +1,19 @@
-"""Columns of a record: which of them it needs, and the ranges of their values."""
+"""Columns of a record: which of them it needs, the ranges of their values, and what the further ones measure."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.files.units import split_unit
+
 TIME = "t_s"
 ACCELERATION = "acceleration_m_s2"
-"""Of a body along its path: a second measured column."""
+DRIVE_FORCE = "drive_force_N"
 LOAD_PLACES = ("load_position_m", "load_angle_rad")
-"""Of the load that an axis moves, by an encoder of its own: a second measured column."""
 LOADS = ("load_N", "load_N_m", *(f"load_{k}" for k in range(1, 10)), "pressure_Pa", "temperature_degC")
 """Logged inputs of a machine's axis: each may push, scale the friction, or do nothing."""
 TIME_SERIES_ROWS = 2_000_000  # most rows of a record: half an hour at 1 kHz
@@ -82,6 +83,45 @@ _FORCE = Range(-1e3, 1e3, "between -1000 and 1000 N")  # of a capsule
 SLOWEST_PULL = 1e-7
 """In m/s: a slip of a tenth of a millimetre every quarter of an hour."""
 _PLACE = Range(-100.0, 100.0, "between -100 and 100 m")  # of the same
+_ANGLE = Range(-1e6, 1e6, "between -1e6 and 1e6 rad")
+
+
+class Seen(NamedTuple):
+    """Of a model's step the last `reading` and `speed` in m/s, the drive's `force` in N, the load's lag `behind` it."""
+
+    reading: Any
+    speed: Any
+    force: Any
+    behind: Any
+
+
+@dataclass(frozen=True)
+class Further:
+    """A further measured column: `shown` is what it has of a step, or, of a `rate`, of whose changes it is the mean
+    over the interval before a sample. Its zero is unknown. An `instrument` has a scale of its own, and a delay and a
+    filter, which are fitted; what is none reads as the place does.
+    """
+
+    name: str
+    limits: Range
+    shown: Callable[[Seen], Any]
+    rate: bool = False
+    instrument: bool = True
+
+    def key(self, what: str) -> str:
+        """Its key or parameter `what`, such as `std` with its unit, `offset_s` or `clock_s`."""
+        stem = split_unit(self.name)[0]
+        return f"{stem}_std{self.name.removeprefix(stem)}" if what == "std" else f"{stem}_{what}"
+
+
+_DECLARED = (
+    Further(ACCELERATION, Range(-1e5, 1e5, "between -1e5 and 1e5 m/s2"), lambda s: s.speed, rate=True),
+    Further(DRIVE_FORCE, _FORCE, lambda s: s.force),
+    Further(LOAD_PLACES[0], _PLACE, lambda s: s.reading - s.behind, instrument=False),
+    Further(LOAD_PLACES[1], _ANGLE, lambda s: s.reading - s.behind, instrument=False),
+)
+FURTHER = MappingProxyType({one.name: one for one in _DECLARED})
+"""An accelerometer on a body, along its path; a load cell between drive and capsule; an encoder at an axis's load."""
 
 RANGES = MappingProxyType(  # what a value of a column may be, by column
     {
@@ -101,15 +141,13 @@ RANGES = MappingProxyType(  # what a value of a column may be, by column
         "frequency_Hz": Range(0.0, 1e9, "positive, in Hz", above=True),
         "storage_modulus_Pa": Range(0.0, 1e12, "positive, in Pa", above=True),
         "loss_modulus_Pa": Range(0.0, 1e12, "not negative, in Pa"),
-        "angle_rad": Range(-1e6, 1e6, "between -1e6 and 1e6 rad"),
+        "angle_rad": _ANGLE,
         "torque_N_m": Range(-1e6, 1e6, "between -1e6 and 1e6 N m"),
         "velocity_rad_s": Range(-1e5, 1e5, "between -1e5 and 1e5 rad/s"),
         "load_N": Range(-1e9, 1e9, "between -1e9 and 1e9 N"),
         "friction_coefficient": Range(0.0, 100.0, "not negative, at most 100"),
-        ACCELERATION: Range(-1e5, 1e5, "between -1e5 and 1e5 m/s2"),
-        "load_position_m": _PLACE,
-        "load_angle_rad": Range(-1e6, 1e6, "between -1e6 and 1e6 rad"),
         "load_N_m": Range(-1e9, 1e9, "between -1e9 and 1e9 N m"),
+        **{name: one.limits for name, one in FURTHER.items()},
     }
 )
 """Ranges of columns, where a kind states no other."""

@@ -46,6 +46,7 @@ class Noise(Table):
     acceleration_std_m_s2: Annotated[float, Field(ge=1e-6, le=1e4)] | None = key(
         "standard deviation of an accelerometer on the capsule; left out: estimated", None
     )
+    drive_force_std_N: Positive | None = key("the same of a load cell between drive and capsule", None)
     velocity_std_m_s: Annotated[float, Field(ge=1e-9, le=10)] | None = key(
         "standard deviation of a mean speed between set-ups, which repeats do not show; left out: 0.002", None
     )
@@ -84,6 +85,7 @@ class ClockTable(Table):
     acceleration_offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = key(
         "the same of an accelerometer, for which a calibration looks within 20 ms", 0.0
     )
+    drive_force_offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = key("the same of a load cell", 0.0)
     drift: Annotated[float, Field(ge=-MOST_DRIFT, le=MOST_DRIFT)] = key(
         "growth of that offset per second of a record, s/s; removed before any fit where the drive is a"
         " position (pull, magnetic)",

@@ -5,7 +5,7 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -44,7 +44,7 @@ from plant.drives import (
     TurningAxis,
 )
 from plant.experiments.profile import PROFILES, Profile, Pwm, Recorded
-from plant.hidden.registry import AXIS, hidden
+from plant.hidden.registry import AXIS, COIL, MAGNETIC, VIBRO, hidden
 from plant.hidden.table import effect_table
 from plant.rig import STEP_S, Plant, TruePlate, Truth
 from plant.sensing import FASTEST_HZ, Sensor
@@ -53,7 +53,7 @@ from plant.tables import Floats
 Table = Mapping[str, Any]
 TABLES: Final = (
     *("scenario", "capsule", "tissue", "rig", AXIS, "drive", "surface"),
-    *("profile", "sensor", "accelerometer", "noise", "anatomy", "effects"),
+    *("profile", "sensor", "accelerometer", "load_cell", "noise", "anatomy", "effects"),
 )
 MOST_STEPS: Final = 50_000_000  # of a simulation: a thousand seconds at the usual step
 SHORTEST_STEP_S: Final = 1e-6  # of the compiled step
@@ -100,24 +100,55 @@ class Sampling:
 
 @dataclass(frozen=True)
 class Accelerometer:
-    """An accelerometer on a free capsule, whose clock is then the record's; table `[accelerometer]`. Speeds twice
-    through its low-pass, differences over each interval, with white noise `std_m_s2` and the zero `bias_m_s2`.
+    """An accelerometer on a free capsule; table `[accelerometer]`. Speeds twice through its low-pass, differences over
+    each interval, with white noise `std_m_s2` and the zero `bias_m_s2`.
     """
 
+    column: ClassVar[str] = "acceleration_m_s2"
     rate_Hz: float = 500.0
     std_m_s2: float = 0.05
     bias_m_s2: float = 0.1
     delay_s: float = 0.0
     lowpass_s: float = 3e-4
 
-    def columns(self, rows: Floats, place: tuple[Floats, Floats], rng: np.random.Generator) -> dict[str, Floats]:
-        """Stamps, readings, and the readings of `place` (stamps, values) at the nearest stamp, else NaN."""
+    def read(self, rows: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Its stamps in s and its readings of the plant's `rows`."""
         seen, times = Sensor(self.rate_Hz, 0.0, 0.0, self.delay_s, self.lowpass_s), rows[:, at.O_T]
         t, v = seen.measure(times, seen.filtered(times, rows[:, at.O_V]), rng)
         a = np.diff(v, prepend=v[0]) * self.rate_Hz + self.bias_m_s2 + self.std_m_s2 * rng.standard_normal(len(t))
-        sparse = np.full(len(t), np.nan)
-        sparse[np.clip(np.round(place[0] * self.rate_Hz).astype(int), 0, len(t) - 1)] = place[1]
-        return {"t_s": t, "reading": sparse, "acceleration_m_s2": a}
+        return t, a
+
+
+@dataclass(frozen=True)
+class LoadCell:
+    """A load cell between a magnet or a coil and its capsule; table `[load_cell]`. Its zero is `bias_N`."""
+
+    column: ClassVar[str] = "drive_force_N"
+    rate_Hz: float = 500.0
+    std_N: float = 1e-3
+    bias_N: float = 5e-3
+    delay_s: float = 0.0
+    lowpass_s: float = 2e-3
+
+    def read(self, rows: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        seen = Sensor(self.rate_Hz, self.std_N, 0.0, self.delay_s, self.lowpass_s)
+        return seen.measure(rows[:, at.O_T], rows[:, at.O_FORCE] + self.bias_N, rng)
+
+
+Instrument = Accelerometer | LoadCell
+_INSTRUMENTS: Final[dict[str, tuple[type[Instrument], tuple[str, ...]]]] = {
+    "accelerometer": (Accelerometer, (MAGNETIC, COIL, VIBRO)),
+    "load_cell": (LoadCell, (MAGNETIC, COIL)),
+}
+
+
+def _one_clock(rate_Hz: float, series: Mapping[str, tuple[Floats, Floats]]) -> tuple[Floats, dict[str, Floats]]:
+    """The stamps of the fastest of `series` of (stamps, values), and each at the nearest stamp, else NaN."""
+    t = max((stamps for stamps, _ in series.values()), key=len)
+    found = {name: np.full(len(t), np.nan) for name in series}
+    for name, (stamps, values) in series.items():
+        found[name][np.clip(np.round(stamps * rate_Hz).astype(int), 0, len(t) - 1)] = values
+    return t, found
 
 
 @dataclass(frozen=True)
@@ -127,7 +158,7 @@ class Scenario:
     rig: Truth
     profile: Profile
     sensor: Sensor
-    accelerometer: Accelerometer | None = None
+    instruments: tuple[Instrument, ...] = ()
 
 
 def load_scenario(path: Path) -> Scenario:
@@ -141,15 +172,16 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
     """A scenario from parsed TOML; paths are relative to `folder`. Errors as `load_scenario`."""
     check_tables(raw, TABLES)
     run, kind, rig = parse_truth(raw)
-    beside = None
-    if "accelerometer" in raw:
-        beside = from_table(Accelerometer, raw["accelerometer"], "accelerometer")
-        if not rig.drive.free or not 0 < beside.rate_Hz <= FASTEST_HZ:
+    instruments = list[Instrument]()
+    for name, (table, kinds) in ((name, own) for name, own in _INSTRUMENTS.items() if name in raw):
+        one = from_table(table, raw[name], name)
+        if kind not in kinds or not 0 < one.rate_Hz <= FASTEST_HZ:
             raise ValueError(
-                f"[accelerometer] must be that of a free capsule, its rate_Hz positive and at most {FASTEST_HZ:g}; got"
-                f" a {kind} rig and {beside.rate_Hz:g}"
+                f"[{name}] must be that of a rig of kind {', '.join(kinds)}, its rate_Hz positive and at most"
+                f" {FASTEST_HZ:g}; got a {kind} rig and {one.rate_Hz:g}"
             )
-    return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, rig.drive), beside)
+        instruments.append(one)
+    return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, rig.drive), (*instruments,))
 
 
 def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
@@ -315,20 +347,17 @@ def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) 
     if isinstance(truth, TrueAxis) and not isinstance(truth, ForcedAxis):
         plant.state[at.S_V] = (drive[1] - drive[0]) / dt  # no blow of a heavy stage at the start
     finest = 1 if rng is None else _FASTEST_ROWS
-    beside = scenario.accelerometer
-    rate = max(scenario.sensor.rate_Hz, beside.rate_Hz if beside else 0.0)
+    rate = max(scenario.sensor.rate_Hz, *(one.rate_Hz for one in scenario.instruments), 0.0)
     every = int(np.clip(0.25 / (rate * dt), finest, _FASTEST_ROWS))
     rows = plant.advance(drive * truth.command_scale if switched else drive, every)
     measured = rows[:, truth.measured]
     t, reading = scenario.sensor.measure(rows[:, at.O_T], measured, second, plant.effects)
-    more = dict[str, Floats]()
-    if beside:
-        more = beside.columns(rows, (t, reading), second)
-        t, reading = more.pop("t_s"), more.pop("reading")
+    series = {"reading": (t, reading)} | {one.column: one.read(rows, second) for one in scenario.instruments}
+    t, seen = _one_clock(rate, series)
     times = dt * np.arange(drive.size)
     sums = np.interp(t, times, np.concatenate([[0.0], np.cumsum(drive[:-1]) * dt]))
     taken = {
-        "reading": reading,
+        "reading": seen.pop("reading"),
         "commanded": np.interp(t, times, drive),
         "mean": np.append(drive[0], np.diff(sums) / np.diff(t)),
         "current": np.interp(t, rows[:, at.O_T], rows[:, at.O_CURRENT]),
@@ -336,7 +365,7 @@ def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) 
     columns = {name: taken[what] for name, what in truth.columns().items()}
     if "drive_on" in columns and not switched:
         columns = {"drive_force_N" if name == "drive_on" else name: values for name, values in columns.items()}
-    return {"t_s": t, **columns, **more}
+    return {"t_s": t, **columns, **seen}
 
 
 def write_record(path: Path, columns: Mapping[str, Floats]) -> None:

@@ -69,7 +69,7 @@ NUMBERED = [f"load_{number}" for number in range(2, 10)]
 MEASURED_IN = {
     "m": ["position", "carriage_position", "load_position"], "rad": ["angle", "load_angle"], "s": ["t", "period"],
     "m/s": ["velocity", "mean_velocity"], "rad/s": ["velocity"], "m/s2": ["acceleration"],
-    "N": ["force", "load", "peak", "valley"], "N m": ["torque", "load"], "A": ["coil_current"],
+    "N": ["force", "drive_force", "load", "peak", "valley"], "N m": ["torque", "load"], "A": ["coil_current"],
     "V": ["coil_voltage"], "Hz": ["frequency"], "Pa": ["storage_modulus", "loss_modulus", "pressure"],
     "1": ["cycles", "duty", "drive_on", "friction_coefficient", "temperature_degC", "load", *NUMBERED],
 }  # fmt: skip

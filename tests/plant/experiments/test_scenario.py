@@ -47,6 +47,12 @@ VIBRO = "[drive]\ninner_mass_kg = 0.002\nspring_stiffness_N_per_m = 60.0\nforce_
             ["t_s", "drive_on", "position_m", "acceleration_m_s2"],
         ),
         (
+            "magnetic",
+            'kind = "wander"',
+            "[accelerometer]\n[load_cell]\nstd_N = 0.002\n",
+            ["t_s", "carriage_position_m", "position_m", "acceleration_m_s2", "drive_force_N"],
+        ),
+        (
             "vibro",
             PWM,
             VIBRO + "[drive.coil]\ngain_N_per_A = 0.3\n",
@@ -95,6 +101,12 @@ def test_drive_on_keeps_every_edge(tmp_path: Path) -> None:
         ("[profile]", "[effects.spring_damping]\n[profile]", "must be for it; got 'spring_damping'"),
         ("[profile]", "[surface]\nkind = 'ice'\n[profile]", "surface.kind must be one of gut, plate, air; got 'ice'"),
         ("[profile]", "[sensor]\nrate_hz = 5.0\n[profile]", "did you mean 'rate_Hz'"),
+        ("[profile]", "[load_cell]\nrate_Hz = 0.0\n[profile]", "rate_Hz positive .*; got a magnetic rig and 0"),
+        (
+            'kind = "magnetic"\n[profile]',
+            'kind = "pull"\n[load_cell]\n[profile]',
+            "kind magnetic, coil, .*got a pull rig",
+        ),
     ],
 )
 def test_a_bad_scenario_is_refused_in_one_sentence(old: str, new: str, message: str, tmp_path: Path) -> None:

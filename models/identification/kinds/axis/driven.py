@@ -23,13 +23,12 @@ from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import band_of
 from models.identification.kinds.axis.zero_phase import motion
 from models.identification.kinds.series.drive_input import evenly, interval
-from models.identification.kinds.series.series import SeriesKind, resolution, series_noise
+from models.identification.kinds.series.series import SeriesKind, noise_beside, resolution, series_noise
 from models.identification.kinds.series.simulation import LAUNCH, launch
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.benches import AXIS
-from models.rigs.columns import LOAD_PLACES
 from models.rigs.rig import Rig
 from models.theta import Theta
 
@@ -61,13 +60,13 @@ class DrivenAxisKind(SeriesKind):
         measured = driven == c.force and not rig.driven  # a sample of which is no command that holds
         drive = (by(made, driven) if free else made)(holds=holds and not measured)
         c = replace(c, force=drive.commanded)
-        loads = [name for name in LOAD_PLACES if records and all(name in r.columns for r in records)]
+        loads = noise_beside(records, rig.noise)
         known = [r for r in records if {c.force, c.position} <= r.columns.keys()]
         if not known:
             effects, base = _running(c, None, catalogue), (*drive.rail.parameters(), *drive.parameters())
             catalogue = replace(catalogue, variants=effects)
             own = cls(drive.rail, drive, 1.0, base, effects, catalogue=catalogue, coordinates=c)
-            return replace(own, beside=MappingProxyType(dict.fromkeys(loads, 1.0)))
+            return replace(own, beside=MappingProxyType(loads))
         size = size_of(c, known, min(band_of(r["t_s"], r[c.position], std) for r in known))
         scale = SET.axis_scale if rig.noise.force_scale_std is None else rig.noise.force_scale_std
         base = base_of(rig, c, size)
@@ -84,8 +83,7 @@ class DrivenAxisKind(SeriesKind):
         averaged = max(1, round(SET.axis_mean_s / interval(known[0])))
         catalogue = replace(catalogue, variants=effects)
         kind = cls(drive.rail, drive, noise, base, effects, averaged, step, catalogue=catalogue, coordinates=c)
-        stds = {name: max(series_noise(known, name, None), least) for name in loads}
-        kind = replace(kind, beside=MappingProxyType(stds))
+        kind = replace(kind, beside=MappingProxyType({name: max(std, least) for name, std in loads.items()}))
         near = Fitter.of(kind, known, []).near(kind.nominal()).theta
         off = kind.error(known, [kind.predict(r, near) for r in known])
         moved = np.std(np.concatenate([r[c.position] for r in known]))

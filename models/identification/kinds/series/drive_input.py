@@ -12,15 +12,12 @@ from models.identification.kind import Array
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
+from models.rigs.columns import FURTHER, Further
 from models.rigs.kinds import KINDS
 from models.rigs.tables import ClockTable
 
 SWITCH_DELAY = "switch_delay_s"
 CLOCK_OFFSET = "clock_offset_s"
-ACCELERATION_CLOCK = "acceleration_clock_s"
-ACCELERATION_LOWPASS = "acceleration_lowpass_s"
-OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET, ACCELERATION_CLOCK, ACCELERATION_LOWPASS)
-"""Parameters of the logging, not of the rig that a controller drives."""
 KEPT = 64
 """Records whose inputs are kept: a fit runs over the same ones thousands of times."""
 
@@ -160,10 +157,16 @@ def clock_offset(clock: ClockTable | None) -> tuple[Parameter, ...]:
     return (Parameter(CLOCK_OFFSET, value, "s", value - 4 * std, value + 4 * std, source, fit=True, spread=std),)
 
 
-def accelerometer(clock: ClockTable | None) -> tuple[Parameter, ...]:
-    """The time by which an accelerometer is stamped late, and the time constant of its filter (first order)."""
-    at, source = clock.acceleration_offset_s if clock else 0.0, "[clock] of the rig file; within 20 ms"
+def read_late(column: Further, clock: ClockTable | None) -> tuple[Parameter, ...]:
+    """The time by which an instrument is stamped late, and the time constant of its filter (first order)."""
+    if not column.instrument:
+        return ()
+    at, source = getattr(clock, column.key("offset_s"), 0.0), "[clock] of the rig file; within 20 ms"
     return (
-        Parameter(ACCELERATION_CLOCK, at, "s", at - 0.02, at + 0.02, source, fit=True),
-        Parameter(ACCELERATION_LOWPASS, 0.0, "s", 0.0, 0.02, "a sensor without a filter", fit=True),
+        Parameter(column.key("clock_s"), at, "s", at - 0.02, at + 0.02, source, fit=True),
+        Parameter(column.key("lowpass_s"), 0.0, "s", 0.0, 0.02, "a sensor without a filter", fit=True),
     )
+
+
+OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET, *(p.name for one in FURTHER.values() for p in read_late(one, None)))
+"""Parameters of the logging, not of the rig that a controller drives."""

@@ -20,27 +20,28 @@ from models.compiled.residuals import weighed
 from models.drives.drive import Drive
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect
+from models.files.units import unit_at_end
 from models.identification.kind import Array, Kind, Split
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import (
     KEPT,
-    accelerometer,
     clock_offset,
     driven_column,
     interval,
+    read_late,
     switch_delay,
 )
 from models.identification.kinds.series.simulation import Runner
 from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
-from models.rigs.columns import ACCELERATION, LOAD_PLACES
+from models.rigs.columns import FURTHER
 from models.rigs.kinds import KINDS, drive_of, surface_of
 from models.rigs.rig import Rig
+from models.rigs.tables import Noise
 from models.surfaces.surface import Surface
 from models.theta import Theta
 
-_BESIDE = (ACCELERATION, *LOAD_PLACES)
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
 
@@ -53,20 +54,23 @@ def low_passed(signal: Array, dt: float) -> Array:
 
 
 @lru_cache(maxsize=KEPT)
-def _rows(record: Record, column: str) -> NDArray[np.int64]:
-    """The rows whose residuals in `column` count."""
-    if column not in _BESIDE:
+def _rows(record: Record, column: str, place: str, away: float) -> NDArray[np.int64]:
+    """The rows whose residuals in `column` count: of a further one, once the `place` is so far `away` from its start.
+    While a body rests where a noisy place has it, a magnet's force is off by that noise.
+    """
+    if column not in FURTHER:
         return np.flatnonzero(counted(record))
-    return np.flatnonzero(np.isfinite(record[column]) & (record.columns.get(RUN_IN, 0.0) == 0))
+    rows = np.flatnonzero(np.isfinite(record[column]) & (record.columns.get(RUN_IN, 0.0) == 0))
+    x = record.columns.get(place, np.zeros(1))
+    return rows[rows >= np.argmax(np.abs(x - x[0]) > away)] if away else rows
 
 
 @dataclass(frozen=True)
 class SeriesKind(Kind):
     """A rig whose records are time series of a capsule. `noise_std` is the sensor's; residuals of `averaged` neighbours
     count as one, their mean in units of its own noise, which shows structure below the noise of a sample. `resolution`
-    is the step of a coarse sensor, else 0. `beside` has the noise of each further measured column: of an accelerometer
-    or an encoder at the load, whose zero is unknown, so that means do not count. Of a kind with a `column` only that
-    one counts.
+    is the step of a coarse sensor, else 0. `beside` has the noise of each further measured column, whose zero is
+    unknown, so that means do not count. Of a kind with a `column` only that one counts.
     """
 
     surface: Surface
@@ -97,15 +101,10 @@ class SeriesKind(Kind):
         stated = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
         noise = series_noise(records, drive.measured, stated)
         made = cls.build(surface_of(rig), drive, noise, records, Catalogue.of(rig))
-        step, base = resolution(records, drive.measured), made.base + clock_offset(rig.clock)
-        logged = [record for record in records if ACCELERATION in record.columns]
-        if logged:
-            noise = series_noise(logged, ACCELERATION, rig.noise.acceleration_std_m_s2)
-            moved = np.median([np.nanstd(record[ACCELERATION]) for record in logged])
-            noise = float(np.hypot(noise, SET.accelerometer * moved))
-            made = replace(made, beside=MappingProxyType({ACCELERATION: noise}))
-            base = (*base, *accelerometer(rig.clock))
-        return replace(made, base=base, resolution=step)
+        beside = noise_beside(records, rig.noise)
+        late = (p for name in beside for p in read_late(FURTHER[name], rig.clock))
+        base, step = (*made.base, *clock_offset(rig.clock), *late), resolution(records, drive.measured)
+        return replace(made, base=base, resolution=step, beside=MappingProxyType(beside))
 
     @classmethod
     def build(
@@ -144,9 +143,12 @@ class SeriesKind(Kind):
     def _std(self, column: str) -> float:
         return self.beside.get(column, self.noise_std)
 
+    def _rows(self, record: Record, column: str) -> NDArray[np.int64]:
+        return _rows(record, column, self.drive.measured, SET.left_start * self.noise_std * self.drive.anchored)
+
     @property
     def unit(self) -> str:
-        return "m/s2" if self.column in self.beside else "N" if self.drive.imposed else "m"
+        return unit_at_end(self.column)[1] if self.column in self.beside else "N" if self.drive.imposed else "m"
 
     @property
     def final(self) -> int:
@@ -187,8 +189,8 @@ class SeriesKind(Kind):
         self, record: Record, thetas: Sequence[Theta], memory: float | None, placed: bool = True, fine: bool = True
     ) -> dict[str, Array]:
         """What the sensors show at each of `thetas`, (k, n) by column; under an observer where there is a `memory`."""
-        more = {name: np.empty((len(thetas), len(record))) for name in self.channels if name in self.beside}
-        outputs = self._runs(record, thetas, memory, placed, fine, *more.values())
+        more = {name: np.empty((len(thetas), len(record))) for name in self.beside}
+        outputs = self._runs(record, thetas, memory, placed, fine, more)
         return {self.drive.measured: outputs if memory else self._from_the_start(record, outputs), **more}
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
@@ -205,14 +207,15 @@ class SeriesKind(Kind):
         return [column for column in self.channels if column in record.columns]
 
     def _weighed(self, record: Record, column: str, outputs: Array) -> Array:
-        rows, averaged = _rows(record, column), self._averaged(record, column)
+        rows, averaged = self._rows(record, column), self._averaged(record, column)
         if column in self.beside:
             outputs = outputs + (record[column] - outputs)[:, rows].mean(axis=1, keepdims=True)
         weight = (SET.diverged, self.tail)
         return np.asarray(weighed(outputs, record[column], rows, averaged, self._std(column), *weight))
 
     def _averaged(self, record: Record, column: str) -> int:
-        return 1 if column == ACCELERATION or len(_rows(record, column)) < 2 * self.averaged else self.averaged
+        quick = column in FURTHER and FURTHER[column].rate
+        return 1 if quick or len(self._rows(record, column)) < 2 * self.averaged else self.averaged
 
     def slow(self, records: Sequence[Record], rows: Array) -> Array:
         if not self.beside:
@@ -220,7 +223,7 @@ class SeriesKind(Kind):
         parts, end = list[Array](), 0
         for record in records:
             for column in self._logged(record):
-                size = len(_rows(record, column)) // self._averaged(record, column)
+                size = len(self._rows(record, column)) // self._averaged(record, column)
                 seconds = interval(record) * len(record)
                 parts.append(self._slow(rows[:, end : end + size], SET.slow_s * size / seconds))
                 end += size
@@ -238,17 +241,18 @@ class SeriesKind(Kind):
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms of the prediction error low-passed at 2 Hz, over the samples that count."""
         parts = [
-            self.off(r, predicted)[_rows(r, self.quantity)] for r, predicted in zip(records, predictions, strict=True)
+            self.off(r, predicted)[self._rows(r, self.quantity)]
+            for r, predicted in zip(records, predictions, strict=True)
         ]
         return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
     def off(self, record: Record, predicted: Array) -> Array:
-        """The prediction error low-passed at 2 Hz, interpolated between the samples that count; of an accelerometer, as
+        """The prediction error low-passed at 2 Hz, interpolated between the samples that count; of a further column, as
         it is about its mean.
         """
         if self.column in self.beside:
             off = record[self.column] - predicted
-            return np.asarray(off - off[_rows(record, self.column)].mean())
+            return np.asarray(off - off[self._rows(record, self.column)].mean())
         good, t = counted(record), record["t_s"]
         return low_passed(np.interp(t, t[good], (record[self.quantity] - predicted)[good]), interval(record))
 
@@ -331,14 +335,23 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
 def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:
     """Standard deviation of the noise of `column`: as stated, unless the records are noisier; never 0."""
     measured = [record for record in records if column in record.columns]
-    own = column in _BESIDE  # which has gaps of its own
-    values = [r[column][np.isfinite(r[column]) if own else used(r)] for r in measured]
+    values = [r[column][np.isfinite(r[column]) if column in FURTHER else used(r)] for r in measured]
     if not values:
         return stated or SET.no_noise
     vibrates = KINDS[measured[0].kind].vibrates
     estimated = float(np.median([estimated_noise(y, vibrates, stated) for y in values]))
     span, step = float(np.ptp(np.concatenate(values))), float(np.median([grid_step(y) for y in values]))
     return float(max(noise_used(stated, estimated, span, step), SET.no_noise))
+
+
+def noise_beside(records: Sequence[Record], stated: Noise) -> dict[str, float]:
+    """Standard deviation of the noise of each further column that `records` have; of an instrument, with its scale."""
+    found = dict[str, float]()
+    for name in records[0].layout.beside if records else ():
+        if moved := [np.nanstd(record[name]) for record in records if name in record.columns]:
+            noise = series_noise(records, name, getattr(stated, FURTHER[name].key("std"), None))
+            found[name] = float(np.hypot(noise, SET.accelerometer * np.median(moved) * FURTHER[name].instrument))
+    return found
 
 
 def resolution(records: Sequence[Record], column: str) -> float:

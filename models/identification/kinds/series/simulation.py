@@ -1,8 +1,9 @@
 """A model run over a record: compiled once, eight parameter sets side by side, free or with an observer."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from types import MappingProxyType
 
 import numpy as np
 
@@ -15,8 +16,6 @@ from models.effects import Catalogue
 from models.effects.effect import Effect
 from models.identification.kind import Array
 from models.identification.kinds.series.drive_input import (
-    ACCELERATION_CLOCK,
-    ACCELERATION_LOWPASS,
     CLOCK_OFFSET,
     KEPT,
     SWITCH_DELAY,
@@ -27,23 +26,18 @@ from models.identification.kinds.series.drive_input import (
     interval,
 )
 from models.identification.settings import SET
-from models.parameter import Name
 from models.records.record import USED, Record
+from models.rigs.columns import FURTHER
 from models.surfaces.surface import Surface
 from models.theta import Theta
 
 
 @cache
-def _model(surface: Surface, drive: Drive, effects: tuple[type[Effect], ...]) -> tuple[Assembly, Kernel]:
-    assembly = assemble(surface, drive, effects)
-    behind = _behind(effects)
-    beside = assembly.states.index(behind) if behind else 1
-    return assembly, Kernel(assembly.step, assembly.correct, SLOW_S if drive.anchored else NEVER_S, beside)
-
-
-def _behind(effects: Sequence[type[Effect]]) -> Name | None:
-    """The state by which a load is behind its drive; None where both have one place."""
-    return next(((effect.id, effect.behind) for effect in effects if effect.behind), None)
+def _model(
+    surface: Surface, drive: Drive, effects: tuple[type[Effect], ...], beside: tuple[str, ...] = ()
+) -> tuple[Assembly, Kernel]:
+    assembly = assemble(surface, drive, effects, further=beside)
+    return assembly, Kernel(assembly.step, assembly.correct, SLOW_S if drive.anchored else NEVER_S)
 
 
 def _late(effects: Sequence[type[Effect]], theta: Theta) -> float:
@@ -100,11 +94,11 @@ class Runner:
         memory: float | None,
         placed: bool = True,
         fine: bool = True,
-        beside: Array | None = None,
+        beside: Mapping[str, Array] = MappingProxyType({}),
     ) -> Array:
         """The output (len(thetas), samples) at each of `thetas`; those with the same effects and switch delay run side
-        by side. Where `placed`, the body starts where it was measured. `beside` of the same shape, if given, gets the
-        mean accelerations in m/s2 over the interval before each sample, of a launched body the places of its load.
+        by side. Where `placed`, the body starts where it was measured. `beside` of the same shape gets the further
+        columns that it names.
         """
         alike: dict[tuple[tuple[str, ...], float], list[int]] = {}
         for i, theta in enumerate(thetas):
@@ -118,23 +112,17 @@ class Runner:
             for k in range(0, len(members), LANES):
                 some = members[k : k + LANES]
                 at = [thetas[i] for i in some]
-                wide = beside is not None and (_behind(active) is not None or not self.drive.launched)
-                shown, late = self._side_by_side(even, fed, active, at, memory, placed, wide)
+                shown, late = self._side_by_side(even, fed, active, at, memory, placed, (*beside,))
                 clock, same, rows = even["t_s"], even is record, np.array(some)
                 sampled(fed.samples(shown[:, :LANES]), clock, record["t_s"], late, same, rows, outputs)
-                if beside is None:
-                    continue
-                if self.drive.launched:
-                    load = shown[:, :LANES] - shown[:, LANES:] if wide else shown
-                    sampled(fed.samples(load), clock, record["t_s"], np.zeros(LANES), same, rows, beside)
-                    continue
-                passed = [theta.get(ACCELERATION_LOWPASS, 0.0) / fed.dt for theta in at]
-                for lane, steps in enumerate(passed):
-                    shown[:, LANES + lane] = lagging(shown[:, LANES + lane], steps)
-                v = fed.samples(shown[:, LANES:])
-                mean = np.diff(v, axis=0, prepend=v[:1]) / (fed.every * fed.dt)
-                late = np.array([theta.get(ACCELERATION_CLOCK, 0.0) for theta in at])
-                sampled(mean, clock, record["t_s"], late, same, rows, beside)
+                for number, (name, output) in enumerate(beside.items(), 1):
+                    column, own = FURTHER[name], shown[:, number * LANES : (number + 1) * LANES]
+                    for lane, theta in enumerate(at):
+                        own[:, lane] = lagging(own[:, lane], theta.get(column.key("lowpass_s"), 0.0) / fed.dt)
+                    y = fed.samples(own)
+                    y = np.diff(y, axis=0, prepend=y[:1]) / (fed.every * fed.dt) if column.rate else y
+                    late = np.array([theta.get(column.key("clock_s"), 0.0) for theta in at])
+                    sampled(y, clock, record["t_s"], late, same, rows, output)
         return outputs
 
     def _side_by_side(
@@ -145,17 +133,17 @@ class Runner:
         thetas: Sequence[Theta],
         memory: float | None,
         placed: bool,
-        wide: bool,
+        beside: tuple[str, ...],
     ) -> tuple[Array, Array]:
-        """The loop's outputs, a column each of `thetas` and the last repeated, and each one's delay in s; where `wide`,
-        the kernel's states beside them.
+        """The loop's outputs, a column each of `thetas` and the last repeated, `beside` them those of the further
+        columns, and each one's delay in s.
         """
-        assembly, kernel = _model(self.surface, self.drive, active)
+        assembly, kernel = _model(self.surface, self.drive, active, beside)
         lanes = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
         parameters = np.array([assembly.vector(theta) for theta in lanes]).T.copy()
         late = np.array([_late(active, theta) for theta in lanes])
         states = np.repeat(self._start(assembly, even, placed)[:, None], LANES, axis=1)
-        shown = np.empty((len(fed.commands), (1 + wide) * LANES))
+        shown = np.empty((len(fed.commands), (1 + len(beside)) * LANES))
         seen, gain = shown, 0.0
         if memory:
             samples, gain = _observed(even, self.drive.measured), fed.dt / memory

@@ -13,12 +13,12 @@ from models.records.record import Record, record_of
 from models.rigs.columns import ACCELERATION
 from models.rigs.rig import Rig
 from plant.rig import Truth
-from tests.bench.bench_two_columns import CANDIDATES, HIDDEN, cost, kind_of, series
+from tests.bench.bench_two_columns import VIBRO, cost, kind_of, series
 
 
 @pytest.fixture(scope="module")
 def damped() -> tuple[Rig, list[Record], Truth]:
-    return series(3.0, **HIDDEN)
+    return series(3.0)
 
 
 def test_images_at_another_rate_than_the_accelerometer_make_one_record(
@@ -36,7 +36,7 @@ def test_images_at_another_rate_than_the_accelerometer_make_one_record(
 
 
 def test_the_accelerometer_is_no_part_of_what_drives() -> None:
-    rig, (record, *_), _ = series(1.0, 1)
+    rig, (record, *_), _ = series(1.0, 1, hidden={})
     assert set(record.driven.columns) & {"position_m", ACCELERATION} == set()
     kind = kind_for(rig, [record]).alone(ACCELERATION)
     nominal = kind.nominal()
@@ -57,7 +57,7 @@ def test_its_zero_is_unknown_and_gaps_do_not_count(damped: tuple[Rig, list[Recor
 
 @pytest.mark.parametrize("wrong", [np.inf, 1e12])
 def test_one_that_cannot_be_used_is_left_out_with_a_note(wrong: float) -> None:
-    rig, (record, *_), _ = series(1.0, 1)
+    rig, (record, *_), _ = series(1.0, 1, hidden={})
     columns = {name: record[name] for name in ("t_s", "drive_on", "position_m")}
     read = record_of("run", {**columns, ACCELERATION: np.where(record["t_s"] < 0.1, wrong, 0.0)}, rig)
     assert ACCELERATION not in read.columns
@@ -66,7 +66,7 @@ def test_one_that_cannot_be_used_is_left_out_with_a_note(wrong: float) -> None:
 
 def test_where_nothing_hides_a_calibration_leaves_little_of_either_column() -> None:
     """The sensor's filter has another form than the model's; both are late by 0.6 ms."""
-    rig, records, truth = series(3.0)
+    rig, records, truth = series(3.0, hidden={})
     kind = kind_of(rig, records)
     fit = Fitter.of(kind, records, []).far([kind.nominal()])
     for column in kind.channels:
@@ -85,14 +85,14 @@ def test_it_shows_what_images_alone_do_not(damped: tuple[Rig, list[Record], Trut
     images = [record.without([ACCELERATION]) for record in records]
     alone, both = kind_of(rig, images), kind_of(rig, records)
     assert cost(alone, images) < SET.near
-    costs = {name: cost(both, records, name) for name in CANDIDATES}
+    costs = {name: cost(both, records, name) for name in VIBRO.candidates}
     own = costs.pop("spring_damping")
     assert min(costs.values()) > 5 * own
 
 
 def test_a_loop_reports_both_columns() -> None:
     """Errors, floor, checks, figures and the prediction, each by column."""
-    rig, records, _ = series(3.0, 3)
+    rig, records, _ = series(3.0, 3, hidden={})
     finding, model = close(rig, records[:2], records[2:], lambda *_: None, most=0, drawn=False)
     error = report_json(finding)["error"]
     assert error["quantity"] == "position_m"

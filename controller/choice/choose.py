@@ -108,8 +108,8 @@ class Comparison:
         """`world` gives the model that is the world of that name, for a rig as the leading model has it; `worlds` what
         each lacks.
         """
-        self._mission, self._piece, self._world, self._report = mission, mission.piece(), world, report
-        self._pushes, self._worlds = worlds, list(worlds)
+        self._mission, self._piece, self._worlds, self._report = mission, mission.piece(), list(worlds), report
+        self._world: Callable[[str, ControlModel], Possible] = lambda name, own: (world(name, own), worlds[name])
         self.rows = [Row(one, self._worlds) for one in candidates]
         self.runs = 0
         self.broken = 0
@@ -119,9 +119,7 @@ class Comparison:
 
     def _try(self, pairs: Sequence[tuple[Row, str]], most_m: float = math.inf) -> None:
         """Fill in the outcomes of `pairs`, side by side. Each world has a seed of its own."""
-        made = [
-            (row.candidate, name, (self._world(name, row.candidate.model), self._pushes[name])) for row, name in pairs
-        ]
+        made = [(row.candidate, name, self._world(name, row.candidate.model)) for row, name in pairs]
         for candidate, _, (world, _) in made:  # once, before workers inherit them
             model, limits = candidate.model, self._mission.limits
             _ = model.sharp.kernels, model.kernels, world.sharp.kernels, world.sharp.measured

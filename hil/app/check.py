@@ -18,6 +18,7 @@ from models.checks.examine import examine, stopping
 from models.checks.excitation import cannot_show
 from models.checks.finding import RecordFinding
 from models.effects import Catalogue, effect_words
+from models.identification.answer import without_size
 from models.identification.identify import narrowed
 from models.identification.kinds import kind_for, ready
 from models.identification.record_checks import check_records
@@ -53,7 +54,9 @@ def check(
             given = catalogue.given_to(belief)
             with suppress(ValueError):  # what cannot be fitted at all shows nothing
                 train = [ready(record, given) for record in read]
-                sizes = smallest(narrowed(kind_for(given, train), given, train)[0], train)
+                kind, _ = narrowed(kind_for(given, train), given, train)
+                sizes = smallest(kind, train)
+                hidden |= without_size(kind, sizes)
         document = {
             "findings": [finding.to_dict() for finding in findings],
             "cannot_show": hidden,

@@ -1,6 +1,7 @@
 """The finding that a report shows, of a search that is judged: what was found, what was said of it, what comes next."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -26,6 +27,7 @@ from models.identification.fitting.profile import profiles
 from models.identification.inner_spline import followed_inside
 from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.residual_dependence import dependence_of
+from models.identification.search.screening import least_sizes, unshown
 from models.identification.search.search import Search
 from models.identification.settings import SET
 from models.identification.steps import Choice, Judged, Predicted, Prepared
@@ -65,8 +67,19 @@ def answer(
     left = any(not check.ok and check.id.partition(".")[0] in _OF_RESIDUAL for check in judged.checks)
     ended = "cost" if found.ended == "chance" and left else found.ended
     unexplained, hidden, rng = verdict == "unknown", prepared.hidden, np.random.default_rng(seed)
-    shown = shown_with(prepared.rig, train, hidden) if hidden or unexplained else None
-    proposal = propose(kind, kind.searched(train), found, shown, rng, unexplained=unexplained)
+    records, base = kind.searched(train), kind.nominal() | found.calibrated.theta
+    chance = found.threshold, found.null_cost
+    sizes = least_sizes(kind, records, base, *chance) if drawn else {}
+    much = unshown(kind, sizes) if sizes and verdict == "none" else []
+
+    def shows_less(motion: Record) -> frozenset[str]:
+        """Effects of which only `much` would have shown."""
+        one = replace(kind, effects=tuple(much))
+        left = unshown(one, least_sizes(one, [*records, kind.made(motion, base)], base, *chance))
+        return frozenset(effect.id for effect in much if effect not in left)
+
+    shown = shown_with(prepared.rig, train, hidden) if hidden or much or unexplained else None
+    proposal = propose(kind, records, found, shown, rng, shows_less if much else None, unexplained=unexplained)
     dependence = dependence_of(kind, train, theta, seed) if drawn and unexplained else None
     wanted = (words_of(proposal), report.next_experiment(kind, theta, train, found.equivalent))
     return Finding(
@@ -85,7 +98,7 @@ def answer(
         noise_floor=judged.floor,
         checks=judged.checks,
         candidates=tuple(_rows(found, words)),
-        smallest_detectable=found.detectable,
+        smallest_detectable=sizes,
         next_experiment=_next(judged.findings, verdict, wanted),
         statements=(
             *([left_out] if left_out else []),
@@ -99,7 +112,7 @@ def answer(
         seconds=float("nan"),
         timings=found.timings,
         findings=judged.findings,
-        cannot_show=prepared.cannot_show,
+        cannot_show={**prepared.cannot_show, **without_size(kind, sizes)},
         reasons=_reasons(verdict, judged.checks, judged.findings),
         proposal=proposal,
         dependence=dependence and followed_inside(kind, found, train, dependence),
@@ -129,6 +142,11 @@ def _leading(choice: Choice) -> tuple[str, ...]:
     able = [stage for stage in STAGES if stage not in choice.barred]
     barred = (TEXT("lead.barred", stage=stage, why=why) for stage, why in choice.barred.items())
     return (TEXT("lead.able", stages=able, n=len(able)), *barred)
+
+
+def without_size(kind: AnyKind, sizes: Mapping[str, object]) -> dict[str, str]:
+    """Why records cannot show an effect that has none of the `sizes` that they would show at least, by id."""
+    return {effect.id: TEXT("lacking.size") for effect in kind.effects if sizes and effect.id not in sizes}
 
 
 def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """The next experiment: the motion that best separates what the records leave confounded, and by how much it would."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -129,10 +129,12 @@ def propose(
     found: Search,
     shown: Shown | None,
     rng: np.random.Generator,
+    shows_less: Callable[[Record], frozenset[str]] | None = None,
     *,
     unexplained: bool = False,
 ) -> Proposal | None:
-    """The drive of the next record of a time series; None where nothing is confounded, hidden or `unexplained`.
+    """The drive of the next record of a time series; None where nothing is confounded, hidden or `unexplained`, and its
+    motion `shows_less` of no effect.
 
     It is half as long as a record, or 20 s, and stays within the positions of the `records`; where no path is imposed,
     as the model that was found predicts. It separates the effects that are `found` from their rivals by as many
@@ -159,7 +161,7 @@ def propose(
         asked, apart = [], []
         plan = _richest(room, shown, rng)
     motion = plan.motion
-    shows = () if shown is None else tuple(sorted(shown(motion)[0]))
+    shows = tuple(sorted({*(shown(motion)[0] if shown else ()), *(shows_less(motion) if shows_less else ())}))
     if not pairs and not shows and not unexplained:
         return None
     times, places = plan.waypoints()

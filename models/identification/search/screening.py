@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,14 +27,13 @@ from models.workers import each
 
 @dataclass(frozen=True)
 class Screened:
-    """One candidate: the share of the residual that it explains at first order, the starts of joint fits (one a view of
-    the residual), and the smallest amplitude that is detectable at a share of 1.
+    """One candidate: the share of the residual that it explains at first order, and the starts of joint fits, one a
+    view of the residual, that of its best shape first.
     """
 
     effect: str
     share: float
     starts: tuple[dict[str, float], ...]
-    sensitivity: float
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,8 @@ class _View:
         D = D - self.basis @ (self.basis.T @ D)
         size, power, own = float(np.linalg.norm(D)), float(r @ r), dict(start)
         if not (0 < power < np.inf) or not np.isfinite(size) or size < SET.inside * np.sqrt(power):
-            return Screened(effect.id, 0.0, (own,), np.inf)
+            return Screened(effect.id, 0.0, (own,))
         factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
-        size *= 1 / np.sqrt(len(change))
         if phase is not None:
             own[phase] = float(np.arctan2(factor[1], factor[0]))
         scale = float(np.hypot(*factor)) if len(factor) == 2 else float(factor[0])
@@ -68,7 +67,7 @@ class _View:
         own[amplitude.name] = room * float(np.clip(wanted / room, amplitude.lower, amplitude.upper))
         within = max(own[amplitude.name] / wanted, 0.0) if wanted else 0.0
         share = 1 - float(np.sum((r + within * (D @ factor)) ** 2)) / power
-        return Screened(effect.id, share, (own,), abs(effect.probe) * float(np.sqrt(power)) / size)
+        return Screened(effect.id, share, (own,))
 
 
 def screen(
@@ -130,30 +129,77 @@ def records_for_null(kind: Kind, part: Sequence[Record]) -> Sequence[Record]:
 
 def null_distribution(
     kind: Kind, records: Sequence[Record], theta: Theta, rng: np.random.Generator
-) -> tuple[float, dict[str, float], float]:
+) -> tuple[float, float]:
     """The null distribution, from imitated records without an effect: the largest gain -ln(1 - share) over all
-    candidates, the smallest amplitude of each that exceeds it, and the mean square of the residuals. Where a slip event
-    of an imitation depends on the step of the computation, the base is refitted to it, as it was to the records.
+    candidates, and the mean square of the residuals.
     """
-    gain, cost, weakest = 0.0, 0.0, dict[str, float]()
-    for imitated in [[kind.imitate(record, theta, rng) for record in records] for _ in range(SET.imitations)]:
-        own, left = theta, judged_cost(kind, imitated, theta)
-        if left > SET.near:
-            again = Fitter.of(kind, imitated, []).near(theta, SET.fine).theta
-            own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
+    gain, cost = 0.0, 0.0
+    for _ in range(SET.imitations):
+        imitated, own, left = _imitated(kind, records, theta, rng)
         cost = max(cost, left)
         rows = screen(kind, imitated, [], own)
         gain = max(gain, *(-float(np.log1p(-min(row.share, SET.share_most))) for row in rows)) if rows else gain
-        for row in rows:
-            weakest[row.effect] = max(weakest.get(row.effect, 0.0), row.sensitivity)
-    return gain, {name: value * float(np.sqrt(gain)) for name, value in weakest.items() if np.isfinite(value)}, cost
+    return gain, cost
+
+
+def _imitated(
+    kind: Kind, records: Sequence[Record], theta: Theta, rng: np.random.Generator
+) -> tuple[list[Record], Theta, float]:
+    """The `records` as the model at `theta` makes them, what explains them, and the cost of that: where a slip event of
+    an imitation depends on the step of the computation, the base is refitted to it, as it was to the records.
+    """
+    imitated = [kind.imitate(record, theta, rng) for record in records]
+    found = [(theta, judged_cost(kind, imitated, theta))]
+    if found[0][1] > SET.near:
+        again = Fitter.of(kind, imitated, []).near(theta, SET.fine).theta
+        found.append((again, judged_cost(kind, imitated, again)))
+    return (imitated, *min(found, key=lambda fit: fit[1]))
+
+
+def least_sizes(kind: Kind, records: Sequence[Record], theta: Theta, gain: float, cost: float) -> dict[str, float]:
+    """The smallest amplitude of each effect of `kind`, in a middle shape, for which a search would look in such
+    `records` (their first 20 s) with the base at `theta`: the base, refitted, leaves then more than chance, `cost` and
+    `gain`, as a search asks for. None for one that none of the amplitudes that a search starts from shows.
+    """
+    some = prefixes(records, SET.plan_shortest_s) if kind.beginnings_s else records
+    made, theta, least = _imitated(kind, some, theta, np.random.default_rng(0))
+    wanted = max(cost + SET.least_drop, cost * float(np.exp(max(gain, kind.least_gain)))) - least
+
+    def more(effect: type[Effect], size: float) -> float:
+        """What a model with the effect leaves of records without it: as much as one without it of records with it."""
+        shapes, fitter = _shapes(effect, made), replace(Fitter.of(kind, made, []), effects=(effect.id,))
+        start = {**effect.start(), **shapes[len(shapes) // 2], effect.amplitude().name: size}
+        fit = fitter.near(theta.with_(effect.id, start), SET.narrow, SET.its_rounds)
+        return judged_cost(kind, made, fit.theta) - least
+
+    def sized(effect: type[Effect]) -> float:
+        p, known = effect.amplitude(), dict[float, float]()
+        doubled = np.clip(effect.probe * 2.0 ** np.arange(SET.doublings + 1), p.lower, p.upper)
+        sizes = sorted(set(doubled.tolist()), key=abs)
+        at = bisect_left(sizes, wanted, key=lambda size: known.setdefault(size, more(effect, size)))
+        if at == len(sizes):
+            return np.inf
+        below = abs(sizes[at - 1]) if at else 0.0  # what is left grows about with the square
+        return float(max(below, abs(sizes[at]) * np.sqrt(wanted / known[sizes[at]])))
+
+    found = zip(kind.effects, each(sized, kind.effects), strict=True)
+    return {effect.id: size for effect, size in found if size < np.inf}
+
+
+def unshown(kind: Kind, sizes: Mapping[str, float]) -> list[type[Effect]]:
+    """The effects of which the least of `sizes` that records would show is above the middle of those that a search
+    starts from, as it doubles them.
+    """
+    middle = 2 ** (SET.doublings / 2)
+    return [effect for effect in kind.effects if sizes.get(effect.id, np.inf) > abs(effect.probe) * middle]
 
 
 def smallest(kind: Kind, records: Sequence[Record]) -> dict[str, Quantity]:
     """The smallest amplitude of each effect of `kind` that a search in such `records` would tell from chance, before
     any fit: in records that the nominal model makes. Nothing where they are too few for that.
     """
-    part = records_for_null(kind, kind.searched(records))
-    _, sizes, _ = null_distribution(kind, part, kind.nominal(), np.random.default_rng(0))
+    searched, theta = kind.searched(records), kind.nominal()
+    chance = null_distribution(kind, records_for_null(kind, searched), theta, np.random.default_rng(0))
+    sizes = least_sizes(kind, searched, theta, *chance)
     units = {name: kind.declared(name).amplitude().unit for name in sizes}
     return {name: Quantity(size, measured_unit(units[name], kind.unit)) for name, size in sorted(sizes.items())}

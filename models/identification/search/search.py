@@ -42,7 +42,6 @@ class Search:
     ended: str = "chance"
     rounds: list[tuple[int, list[Screened], list[Trial]]] = field(default_factory=list)
     threshold: float = 0.0
-    detectable: dict[str, float] = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=dict)
     before: float = 0.0
     after: float = 0.0
@@ -140,7 +139,7 @@ def _named(
     kind = model.kind
     progress("simulating what noise alone would show", 0.15)
     records = records_for_null(kind, model.part)
-    found.threshold, found.detectable, found.null_cost = null_distribution(kind, records, model.thetas[0], rng)
+    found.threshold, found.null_cost = null_distribution(kind, records, model.thetas[0], rng)
     found.threshold = max(found.threshold, kind.least_gain)
     found.note("null distribution")
     found.before = found.after = min(model.cost, on_all)

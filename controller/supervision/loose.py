@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from controller.drives import Actuator
-from controller.limits import Envelope
+from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel, mean_friction
 from models.rigs.kinds import surface_of
 
@@ -67,12 +67,13 @@ class Loose:
         self._commands = deque[tuple[float, float, float]](maxlen=_TICKS)
         self._speeds, self._tick_s = [0.0, 0.0], math.inf
 
-    def sent(self, until_s: float, command: float, dt: float) -> None:
-        """`command` is in force for `dt` s until `until_s`."""
-        if self._resistance.gain_m_s2:
+    def sent(self, until_s: float, command: object, dt: float) -> None:
+        """`command` is in force for `dt` s until `until_s`; one that is no number is never sent."""
+        push = number(command)
+        if self._resistance.gain_m_s2 and math.isfinite(push):
             self._tick_s = dt
-            self._commands.append((until_s, command, dt))
-            self._go_on(command, dt, (0.0, 0.0))
+            self._commands.append((until_s, push, dt))
+            self._go_on(push, dt, (0.0, 0.0))
 
     def saw(self, from_s: float, until_s: float, mean_m_s: float) -> None:
         """Readings of these stamps show a mean velocity, positive in the direction of positive commands."""

@@ -14,8 +14,8 @@ from controller.limits import Limits
 from controller.model.control_model import ControlModel
 from controller.signals import Action, Estimate, Measurement, Reference
 from controller.step.compiled import supervisor_of
+from controller.supervision.breakaway import resistance_of
 from controller.supervision.contradiction import Contradiction
-from controller.supervision.loose import resistance_of
 from controller.supervision.model_switch import ModelSwitch, Offer
 
 
@@ -84,9 +84,9 @@ class ClosedLoop:
             estimate = self.estimator.observe(now, supervisor.issued.command, arrived)
             middle = time.perf_counter()
             supervisor.halt(self._contradiction(arrived, now))
-            supervisor.room = self._watch.loose.room
+            supervisor.room = self._watch.breakaway.room
             action = supervisor.act(now, estimate, self.asked.reference)
-            self._watch.loose.sent(now + self.tick_s, action.command, self.tick_s)
+            self._watch.breakaway.sent(now + self.tick_s, action.command, self.tick_s)
             seconds = middle - start, time.perf_counter() - middle
             self._commands.append(action.command)
             tick = Tick(now, estimate, action, supervisor.active, seconds)

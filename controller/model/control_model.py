@@ -229,11 +229,16 @@ AT_FIRST = 5.0  # factor on the proved error at the start
 
 def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
     """Friction in N: `F_e + f_c/2` at `speed_m_s`, the mean of the saw-tooth; on a plate Coulomb's."""
+    return float(mean_frictions(model, np.array([speed_m_s]))[0])
+
+
+def mean_frictions(model: ControlModel, speeds_m_s: Array) -> Array:
+    """The same at each of `speeds_m_s` (n,)."""
     p = model.theta.base
     surface = surface_of(model.rig)
     pressing = model.drive.pressing(0.0, 0.0, p)
-    friction, onset = surface.hold(speed_m_s, p, model.drive.carried_kg, pressing=pressing)
-    return float(friction + 0.5 * onset)
+    friction, onset = surface.hold(speeds_m_s, p, model.drive.carried_kg, pressing=pressing)
+    return np.asarray(np.broadcast_to(friction + 0.5 * onset, speeds_m_s.shape))
 
 
 def proved_off(model: ControlModel) -> float | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from controller.limits import Envelope
-from controller.supervision.loose import Loose, Resistance
+from controller.supervision.breakaway import FREE, Breakaway, Resistance
 
 CONTRADICT: Final = "sensor or drive contradict each other"
 _SLACK_M: Final = 2e-3  # margin of the envelope
@@ -29,7 +29,6 @@ _APART_S: Final = 0.04  # time between two readings for a speed
 _SLIP_APART_S: Final = 0.018  # the same where the push is cut: two readings at 100 Hz
 _SLIPS: Final = (0.25, 2.5)  # share of the speed limit, and standard deviations of two readings, from which it slips
 _PLACES: Final = 64  # readings that are kept for it
-FREE: Final = Resistance()
 
 
 @dataclass(slots=True)
@@ -98,8 +97,8 @@ class Contradiction:
     - Sight: the reference stays within the envelope while `CONFIRMED` readings come, else a capsule that leaves it is
       seen too late. Jumps of the reference do not count.
     - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive with unknown
-      delay stops before the limit. An inner mass shakes its capsule faster. A coil's capsule that
-      comes loose would be stopped too late: `loose` limits its push. It slips where readings show more than `_SLIPS`.
+      delay stops before the limit. An inner mass shakes its capsule faster. A coil's capsule
+      that breaks away would be stopped too late: `breakaway` limits the push. It slips beyond `_SLIPS`.
 
     The drive is its own report, in the command's unit; for an inner mass its command. Positions are in m, times in s.
     No method raises, allocates or takes longer with time.
@@ -107,14 +106,13 @@ class Contradiction:
 
     def __init__(self, envelope: Envelope, noise_m: float, resistance: Resistance = FREE) -> None:
         """`noise_m`: the localisation's deviation."""
-        self._envelope, self._noise_m = envelope, noise_m
-        self._friction = resistance.friction
+        self._envelope, self._noise_m, self._friction = envelope, noise_m, resistance.friction
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._hard_m = _PUSHES * full, _HARD * full
         self._moved_m = max(_MOVED_M, (_SHAKEN_STDS if envelope.shaken else _MEAN_STDS) * noise_m)
         self._against_most_m = min(_AGAINST[0], _AGAINST[1] * envelope.around_m)
         self._fastest_m_s = _SPEED * envelope.limits.speed_m_s + 4 * noise_m / _APART_S
-        self.loose = Loose(resistance, self._fastest_m_s)
+        self.breakaway = Breakaway(resistance, self._fastest_m_s)
         self.begin()
 
     def begin(self) -> None:
@@ -127,7 +125,7 @@ class Contradiction:
         self._farthest_m = self._mean_m = self._from_m = math.nan
         self._seen_at = self._fast_at = self._fast_m = math.nan
         self._places = deque[tuple[float, float]](maxlen=_PLACES)
-        self.loose.begin()
+        self.breakaway.begin()
         self._outside, self._way_m, self._wanted_m = 0, 0.0, math.nan
         self._ways: deque[float] = deque(maxlen=CONFIRMED)
 
@@ -167,7 +165,7 @@ class Contradiction:
         self.against_m = sign * (self._farthest_m - self._mean_m)
         dt, self._seen_at = stamp_s - self._seen_at, stamp_s
         slip_m_s = self._slips(position_m, stamp_s)
-        self.loose.saw(self._places[0][0], stamp_s, self._envelope.sense * slip_m_s)
+        self.breakaway.saw(self._places[0][0], stamp_s, self._envelope.sense * slip_m_s)
         if not self._envelope.shaken and (fast_m_s := self._speed(position_m, stamp_s)) > self._fastest_m_s:
             return f"the capsule goes {1e3 * fast_m_s:.0f} mm/s, too near to its limit to be stopped before it"
         if self.against_m > self._against_most_m:

@@ -14,8 +14,8 @@ from controller.drives import envelope_of
 from controller.limits import Envelope
 from controller.reference import Excursion, Experiment
 from controller.signals import Action, Array, Estimate, Measurement, Reference
+from controller.supervision.breakaway import resistance_of
 from controller.supervision.contradiction import CONTRADICT
-from controller.supervision.loose import resistance_of
 from controller.supervision.probe import Probe
 from hil.nodes import frame_map as wire
 from hil.nodes import view
@@ -404,7 +404,7 @@ class ControllerNode:
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)
         self.supervisor.temperature_C = self.receiver.temperature_C
-        self._own.room = self.answer.contradiction.loose.room
+        self._own.room = self.answer.contradiction.breakaway.room
         action = self.supervisor.act(now + self.tick_s, estimate, self._reference)
-        self.answer.contradiction.loose.sent(now + self.tick_s, action.command, self.tick_s)
+        self.answer.contradiction.breakaway.sent(now + self.tick_s, action.command, self.tick_s)
         return action

@@ -9,9 +9,9 @@ from typing import Final
 from controller.limits import Envelope
 from controller.monitor import Health
 from controller.signals import Measurement, Reference
+from controller.supervision.breakaway import Resistance
 from controller.supervision.contradiction import CONFIRMED, Contradiction
 from controller.supervision.fallback import not_led
-from controller.supervision.loose import Resistance
 from controller.supervision.probe import Probe
 from controller.tuned import OLDEST_S
 from hil.nodes.frame_map import STANDBY, WAITING
@@ -116,7 +116,7 @@ class Onlooker:
     """
 
     def __init__(self, envelope: Envelope, rests: float, tick_s: float, noise_m: float, resistance: Resistance) -> None:
-        """`rests` is `Driven.rests`;"""
+        """`rests` is `Driven.rests`, `resistance` that of a coil's capsule."""
         self._tick_s, self._placed = tick_s, envelope.placed
         self.contradiction = Contradiction(envelope, noise_m, resistance)
         self._ticks = deque[tuple[float, float, float]](maxlen=2 + math.ceil(OLDEST_S / tick_s))

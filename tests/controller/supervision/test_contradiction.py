@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from controller.limits import Envelope, Limits
+from controller.supervision.breakaway import Resistance
 from controller.supervision.contradiction import CONTRADICT, FREE, Contradiction, Corridor, JumpCheck
-from controller.supervision.loose import Resistance
 from controller.supervision.probe import Probe
 
 TICK_S = 2e-3

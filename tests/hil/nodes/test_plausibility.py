@@ -4,7 +4,7 @@ import numpy as np
 
 from controller.limits import Envelope, Limits
 from controller.signals import Measurement
-from controller.supervision.loose import Resistance
+from controller.supervision.breakaway import Resistance
 from controller.supervision.probe import Probe
 from hil.nodes.node import Shifted
 from hil.nodes.plausibility import Onlooker

@@ -12,7 +12,7 @@ import pytest
 from controller.drives import envelope_of
 from controller.limits import Limits
 from controller.signals import Measurement
-from controller.supervision.loose import Resistance
+from controller.supervision.breakaway import Resistance
 from hil.nodes.plausibility import Onlooker
 from plant import layout as at
 from tests.hil.app.docs.ends import RUN_ENDS

@@ -1,4 +1,4 @@
-"""The speed of a coil's capsule that comes loose between two readings, and the push that keeps it within its limit."""
+"""The speed of a coil's capsule that breaks away between two readings, and the push that keeps it within its limit."""
 
 import math
 from collections import deque
@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.drives import Actuator
 from controller.limits import Envelope, number
-from controller.model.control_model import ControlModel, mean_friction
+from controller.model.control_model import ControlModel, mean_frictions
 from models.rigs.kinds import surface_of
 
 _TICKS: Final = 512  # ticks without a reading that are kept
@@ -41,17 +41,22 @@ class Resistance:
         return self.commands[k] + (place - k) * (self.commands[k + 1] - self.commands[k])
 
 
+FREE: Final = Resistance()
+
+
 def resistance_of(model: ControlModel, envelope: Envelope) -> Resistance:
     """What holds back the capsule that a coil pushes, by its mean friction; without numbers for other drives."""
     if envelope.placed or envelope.shaken:
-        return Resistance()
+        return FREE
     actuator, fastest = Actuator(model.drive, model.theta.base, envelope), envelope.limits.speed_m_s
-    frictions = [(v, mean_friction(model, max(v, _SLOW_M_S))) for v in np.linspace(0.0, fastest, _SPEEDS).tolist()]
-    commands = [max(abs(actuator.command(friction_N, 0.0, v)), 1e-9) for v, friction_N in frictions]
-    return Resistance(tuple(commands), fastest, frictions[0][1] / surface_of(model.rig).body_kg / commands[0])
+    speeds = np.linspace(0.0, fastest, _SPEEDS)
+    frictions = mean_frictions(model, np.maximum(speeds, _SLOW_M_S)).tolist()
+    held = zip(frictions, speeds.tolist(), strict=True)
+    commands = tuple(max(abs(actuator.command(friction_N, 0.0, v)), 1e-9) for friction_N, v in held)
+    return Resistance(commands, fastest, frictions[0] / surface_of(model.rig).body_kg / commands[0])
 
 
-class Loose:
+class Breakaway:
     """The greatest speed that a capsule may have by now, by direction of the command: what two readings show at the
     first one's stamp, and at least that until the second one's, grows by `v' = gain (command - 0.8 resistance(v))`
     under the commands since. A narrow place may let the capsule go at any time that no reading shows yet. No method

@@ -11,7 +11,7 @@ from hil.report.theme import FLOOR, MUTED, STAGE_COLOURS, grid, styled
 from hil.report.words import PARTS, column_words, error_scale, parameter_words
 from models.effects import effect_words
 from models.identification.finding import STAGES, Finding, Profile
-from models.identification.fitting.profile import LINE
+from models.identification.profile import LINE
 from models.words.quantities import number, scale, unit_words
 
 MOST_ROUNDS, MOST_CANDIDATES = 4, 14  # of the search, and candidates of each

@@ -13,7 +13,7 @@ from models.effects import effect_words
 from models.effects.equation import LETTERS
 from models.formula import line_text
 from models.identification.finding import NEXT_TOML, STAGES, Finding, Fitted, FoundEffect
-from models.identification.fitting.profile import LINE
+from models.identification.profile import LINE
 from models.words.quantities import DASH, change, measured_unit, number, percent, plain, quantity, scale, with_interval
 
 _LOG: Final = "log10_"

@@ -23,13 +23,13 @@ from models.identification.finding import (
     Fitted,
     FoundEffect,
 )
-from models.identification.fitting.profile import profiles
 from models.identification.inner_spline import followed_inside
 from models.identification.kinds.reports import AnyKind, report_of
+from models.identification.profile import profiles
 from models.identification.residual_dependence import dependence_of
-from models.identification.search.screening import least_sizes, unshown
 from models.identification.search.search import Search
 from models.identification.settings import SET
+from models.identification.smallest import least_sizes, unshown
 from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.parameter import Name
 from models.records.record import Record

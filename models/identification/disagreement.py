@@ -8,10 +8,10 @@ import numpy as np
 import scipy
 
 from models.identification.finding import Disagreement
-from models.identification.fitting.confidence import memory
 from models.identification.fitting.fit import Fit, FreeParameter, axes, evaluate
 from models.identification.fitting.fitter import Fitter
 from models.identification.fitting.horizon import lengths
+from models.identification.intervals import memory
 from models.identification.kind import Array, Kind
 from models.identification.search.screening import screen
 from models.identification.settings import SET

@@ -10,9 +10,9 @@ import numpy as np
 from models.checks.excitation import Shown
 from models.effects import effect_words
 from models.identification.finding import NEXT_CSV, Proposal, Separation
-from models.identification.fitting.confidence import memory
 from models.identification.fitting.fit import Fit, axes, evaluate
 from models.identification.fitting.fitter import Fitter
+from models.identification.intervals import memory
 from models.identification.kind import Array, Kind
 from models.identification.kinds.series.drive_input import driven_column
 from models.identification.kinds.series.series import SeriesKind

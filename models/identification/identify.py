@@ -13,7 +13,7 @@ from models.checks.finding import RecordFinding
 from models.identification import verdict
 from models.identification.answer import answer
 from models.identification.finding import STAGES, Check, Finding, Trace
-from models.identification.fitting.confidence import intervals
+from models.identification.intervals import intervals
 from models.identification.kinds import NOTHING_KNOWN, Known, kind_for, ready
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.reports import AnyKind
@@ -21,9 +21,9 @@ from models.identification.kinds.series.series import SeriesKind
 from models.identification.model import Model, own_effects_of
 from models.identification.possible import choice_of
 from models.identification.record_checks import check_parts, check_records
-from models.identification.search.screening import smallest
 from models.identification.search.search import Search, search
 from models.identification.settings import SET
+from models.identification.smallest import smallest
 from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.identification.thinning import said_of, slower, thinned
 from models.identification.validity import Ranges, ranges_of

@@ -12,10 +12,10 @@ from models.effects import shapes
 from models.effects.effect import Effect, Signals, Values, number
 from models.effects.own import Origin
 from models.identification.finding import Dependence, ResidualCurve
-from models.identification.fitting.confidence import memory
 from models.identification.fitting.fit import Fit
 from models.identification.fitting.fitter import Fitter
 from models.identification.fitting.horizon import lengths
+from models.identification.intervals import memory
 from models.identification.kind import Array
 from models.identification.kinds.reports import AnyKind
 from models.identification.residual_term import SYMBOLS, term_of

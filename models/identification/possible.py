@@ -8,7 +8,7 @@ import scipy
 
 from models.identification.experiment import Candidate, root_of
 from models.identification.finding import STAGES
-from models.identification.fitting.confidence import memory
+from models.identification.intervals import memory
 from models.identification.kind import Array
 from models.identification.kinds.reports import AnyKind
 from models.identification.kinds.series.drive_input import interval

@@ -10,9 +10,9 @@ import numpy as np
 from models.checks.finding import RecordFinding
 from models.checks.usable import lead_in_s
 from models.identification.finding import STAGES, Check, Fitted
-from models.identification.fitting.confidence import near
 from models.identification.fitting.fit import Fit, axes, judged_cost
 from models.identification.fitting.horizon import prefixes
+from models.identification.intervals import near
 from models.identification.kind import Kind
 from models.identification.rehearsal import Left, left_by, rehearsed
 from models.identification.search.search import Search

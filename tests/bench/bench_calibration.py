@@ -3,10 +3,11 @@
 `python -m tests.bench.bench_calibration --out DIR [--count 300] [--seconds 45] [--workers 2]` draws so many series
 (kinds in turn; a third without an effect, the others with one of the plant's, of which one in six is nothing the
 catalogue has; clean, usual or poor instruments), runs `capsule campaign` over them and prints the tables that
-docs/results quote. A series is known by its number, so a larger count adds series, and the same command goes on after a
-kill; `--table` only prints what is on file, `--fit MAP.toml` fits the map from score to probability to it,
-`--diagram FILE.svg` draws the reliability diagram. `--rows FILE.jsonl` keeps a line a series that outlives DIR: those
-in it are not run again, those that ended are added. The hidden effects' forms are the plant's own.
+docs/results quote. A series is known by its number and kind, so a larger count adds series, the same command goes on
+after a kill, and tables, map and diagram are of every kind on file; `--table` only prints what is on file, `--fit
+MAP.toml` fits the map from score to probability to it, `--diagram FILE.svg` draws the reliability diagram. `--rows
+FILE.jsonl` keeps a line a series that outlives DIR: those in it are not run again, those that ended are added. The
+hidden effects' forms are the plant's own.
 
 What is judged: every effect that a report lists, said with its score, is right where the hidden effect stands in
 its class. `none` is right where nothing is hidden, `named` where the hidden effect stands in the only class, `unknown`
@@ -36,8 +37,11 @@ from models.identification.settings import SET
 from plant.experiments.examples import BELIEVED
 from plant.hidden.registry import HIDDEN
 from tests.bench.bench_tracing import EFFECTS
+from tests.plant.axis_series import BENCHES, make_axis_series
 from tests.plant.series import answer_of, make_series, published
 
+AXIS: Final = "axis"
+KINDS: Final = (*EFFECTS, AXIS)
 NONE_SHARE: Final = 1 / 3
 OUTSIDE_SHARE: Final = 1 / 6
 EDGES: Final = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
@@ -70,15 +74,23 @@ class Statement:
     right: bool
 
 
+def candidates(kind: str) -> tuple[Sequence[str], Sequence[str]]:
+    """What may hide on a rig of `kind`: what the catalogue has, and what it has not."""
+    if kind == AXIS:
+        return [name for name in BENCHES if published(name)], [name for name in BENCHES if not published(name)]
+    outside = [e.id for e in HIDDEN if not published(e.id) and BELIEVED[kind].kind in e.drives]
+    return EFFECTS[kind], [] if kind == "vibro_plate" else outside
+
+
 def drawn(number: int, seed: int, kinds: Sequence[str]) -> Drawn:
     """Series `number` of the draw `seed`, the same whatever the count is."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
     kind = kinds[number % len(kinds)]
     instrument = tuple(INSTRUMENTS)[int(rng.integers(len(INSTRUMENTS)))]
-    outside = [e.id for e in HIDDEN if not published(e.id) and BELIEVED[kind].kind in e.drives]
     absent, without = rng.random(2)
-    within = EFFECTS[kind] if kind == "vibro_plate" or without >= OUTSIDE_SHARE else outside
-    effect = None if absent < NONE_SHARE else str(rng.choice(within))
+    within, outside = candidates(kind)
+    some = outside if outside and without < OUTSIDE_SHARE else within
+    effect = None if absent < NONE_SHARE else str(rng.choice(some))
     return Drawn(number, kind, effect, instrument)
 
 
@@ -87,7 +99,10 @@ def made(series: Drawn, seed: int, seconds: float, folder: Path) -> None:
     if not (folder / series.name / "answer.toml").exists():
         noise, rate = INSTRUMENTS[series.instrument]
         own = int(np.random.SeedSequence(seed, spawn_key=(series.number, 1)).generate_state(1)[0])
-        make_series(series.kind, series.effect, own, folder / series.name, seconds, noise, rate)
+        if series.kind == AXIS:
+            make_axis_series(series.effect, own, folder / series.name, seconds, noise, rate)
+        else:
+            make_series(series.kind, series.effect, own, folder / series.name, seconds, noise, rate)
 
 
 def kept_rows(path: Path | None, seed: int, seconds: float) -> dict[str, dict[str, Any]]:
@@ -203,8 +218,8 @@ def tables(rows: Sequence[tuple[Drawn, dict[str, Any]]]) -> str:
     ]
     lines += ["| --- | --- | --- | --- | --- | --- |"]
     for verdict in ("none", "named", "unknown"):
-        part = [(s, r) for s, r in rows if r["verdict"] == verdict]
-        lines.append(f"| {verdict} | {len(part)} | " + " | ".join(map(str, _kinds_of_truth(part))) + " |")
+        ended = [(s, r) for s, r in rows if r["verdict"] == verdict]
+        lines.append(f"| {verdict} | {len(ended)} | " + " | ".join(map(str, _kinds_of_truth(ended))) + " |")
     lines += ["", *(_right(f"{verdict} is right", rows, verdict) for verdict in ("none", "named", "unknown"))]
     for what in ("kind", "instrument"):
         for value in dict.fromkeys(getattr(series, what) for series, _ in rows):
@@ -286,7 +301,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=45.0, help="length of a record")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--kind", nargs="*", choices=tuple(EFFECTS), default=list(EFFECTS))
+    parser.add_argument("--kind", nargs="*", choices=KINDS, default=list(KINDS))
     parser.add_argument("--fit", type=Path, metavar="MAP.toml", help="fit the map to what is on file, and write it")
     parser.add_argument("--diagram", type=Path, metavar="FILE.svg", help="draw the reliability diagram")
     parser.add_argument("--rows", type=Path, metavar="FILE.jsonl", help="keep a line a series, and go on from them")
@@ -309,15 +324,16 @@ def main() -> None:
     found = {name: row["result"] for name, row in ended.items() if "result" in row} | known
     if asked.rows is not None:
         keep_rows(asked.rows, asked.seed, asked.seconds, found)
+    wanted = {name: drawn(int(name[:4]), asked.seed, (name[5:].rpartition("_")[0],)) for name in found} | wanted
     told = [(series, found[name]) for name, series in wanted.items() if name in found]
     for name, series in wanted.items():
         result = found.get(name)
         if result is not None:
             mark = "right" if verdict_right(result, series.effect) else "WRONG"
-            said = {
+            named = {
                 " or ".join([e["id"], *e["equivalent"]]): round(e["confidence_score"], 3) for e in result["effects"]
             }
-            print(f"{name:26} {series.effect!s:22} {mark} {result['verdict']:8} {said} {result['seconds']:.0f} s")
+            print(f"{name:26} {series.effect!s:22} {mark} {result['verdict']:8} {named} {result['seconds']:.0f} s")
         elif name in ended:
             print(f"{name:26} {series.effect!s:22} refused: {ended[name]['error']}")
     said = [s for series, result in told for s in statements(result, series.effect)]

@@ -1,1 +1,1 @@
-"""Fits by the prediction-error method: Gauss-Newton on residuals in units of the noise; intervals."""
+"""Fits by the prediction-error method: Gauss-Newton on residuals in units of the noise."""

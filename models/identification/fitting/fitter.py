@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import TypeVar
 
 import numpy as np
 
@@ -20,8 +19,6 @@ from models.parameter import Parameter
 from models.records.record import Record
 from models.theta import Theta
 from models.workers import each
-
-P = TypeVar("P")
 
 
 @dataclass(frozen=True)
@@ -121,13 +118,17 @@ class Fitter:
 
     def lowest(self, thetas: Sequence[Theta], count: int) -> list[Theta]:
         """The `count` of `thetas` with the lowest cost, lowest first."""
-        costs = [cost for some in each(self.costs, self._together(thetas)) for cost in some]
-        return [thetas[k] for k in np.argsort(costs, kind="stable")[:count]]
+        return [thetas[k] for k in np.argsort(self.costs(thetas), kind="stable")[:count]]
 
     def costs(self, thetas: Sequence[Theta]) -> list[float]:
         """Sum of squares of the records' residuals at each of `thetas`."""
-        rows = (evaluate_all(self.kind, self.records, some, self.criterion) for some in self._together(thetas))
-        return [float(cost) for some in rows for cost in np.einsum("ij,ij->i", some, some)]
+
+        def together(first: int) -> list[float]:  # at about the price of one
+            some = thetas[first : first + self.kind.lanes]
+            rows = evaluate_all(self.kind, self.records, some, self.criterion)
+            return np.einsum("ij,ij->i", rows, rows).tolist()
+
+        return [cost for costs in each(together, range(0, len(thetas), self.kind.lanes)) for cost in costs]
 
     def theta(self, x: Array) -> Theta:
         """The parameters by name at the point `x` (n,)."""
@@ -145,10 +146,6 @@ class Fitter:
             return rows
         own = [[(x[i] - p.value) / p.spread for i, p in priors] for x in points]
         return np.concatenate([rows, own], axis=1)
-
-    def _together(self, points: Sequence[P]) -> list[Sequence[P]]:
-        """`points` in groups that are evaluated at about the price of one."""
-        return [points[i : i + self.kind.lanes] for i in range(0, len(points), self.kind.lanes)]
 
     def clip(self, x: Array) -> Array:
         """The point `x` (n,) within the bounds."""

@@ -50,8 +50,8 @@ class Trial:
 
 
 def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> list[Trial]:
-    """Joint fits of `model` with one more effect, best gain first: short ones of every candidate, full ones of the best
-    three and of the best one's confounders. `moved` hears of the leader and of the share of the work that is done.
+    """Joint fits of `model` with one more effect: short ones of every candidate, full ones of the best three and of the
+    best one's confounders. `moved` hears of the leader and of the share of the work that is done.
     """
     if not screened:
         return []
@@ -80,20 +80,7 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
         finer = model.each(lambda t: far(t, shared_by(kind, t.effect, model.effects)), unclear)
         shaped = dict(zip((t.effect for t in unclear), finer, strict=True))
         trials = [replace(t, finer=shaped.get(t.effect)) for t in trials]
-    return sorted(from_best_base(model, trials), key=lambda trial: -trial.gain)
-
-
-def from_best_base(model: FittedModel, trials: Sequence[Trial]) -> list[Trial]:
-    """The better of each of `trials` and of the same from the base of the best: none may lead by a luckier search."""
-    leader = max(trials, key=attrgetter("gain"))
-
-    def again(trial: Trial) -> FittedModel:
-        pairs = zip(leader.fitted.thetas, trial.fitted.thetas, strict=True)
-        starts = (base.without(leader.effect).with_(trial.effect, own.effects[trial.effect]) for base, own in pairs)
-        return min(trial.fitted, model.near(starts, trial.fitted.effects), key=attrgetter("cost"))
-
-    others = [trial for trial in trials if trial is not leader]
-    return [leader, *(replace(t, fitted=fit) for t, fit in zip(others, model.each(again, others), strict=True))]
+    return trials
 
 
 def _growth(model: FittedModel, row: Screened) -> Growth:
@@ -156,8 +143,21 @@ def better_without(model: FittedModel, further: str, others: Sequence[Theta]) ->
 
 
 def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], FittedModel]:
-    """The trials against the best fit *without* a further effect, also started from their bases; and that fit."""
-    best = model
-    for trial in trials[: SET.compared]:
-        best = better_without(best, trial.effect, trial.fitted.thetas)
-    return sorted((replace(t, before=best.blocks) for t in trials), key=lambda trial: -trial.gain), best
+    """`trials`, best gain first, and `model`, against which they gain, so that none leads by a luckier search: each is
+    also fitted from the base of the best of them, and the model without a further effect from those of the first few.
+    """
+    if not trials:
+        return [], model
+    leader = max(trials, key=attrgetter("gain"))
+
+    def again(trial: Trial) -> FittedModel:
+        pairs = zip(leader.fitted.thetas, trial.fitted.thetas, strict=True)
+        starts = (base.without(leader.effect).with_(trial.effect, own.effects[trial.effect]) for base, own in pairs)
+        return min(trial.fitted, model.near(starts, trial.fitted.effects), key=attrgetter("cost"))
+
+    others = [trial for trial in trials if trial is not leader]
+    shared = [leader, *(replace(t, fitted=fit) for t, fit in zip(others, model.each(again, others), strict=True))]
+    shared.sort(key=lambda trial: -trial.gain)
+    for trial in shared[: SET.compared]:
+        model = better_without(model, trial.effect, trial.fitted.thetas)
+    return [replace(trial, before=model.blocks) for trial in shared], model

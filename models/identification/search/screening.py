@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,8 +19,6 @@ from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.theta import Theta
-from models.words.quantities import measured_unit
-from models.words.sentences import Quantity
 from models.workers import each
 
 
@@ -87,7 +84,7 @@ def screen(
     def tried(effect: type[Effect]) -> Screened:
         amplitude, phase = effect.amplitude(), effect.of_role("phase")
         size = {amplitude.name: float(np.clip(effect.probe, amplitude.lower, amplitude.upper))}
-        starts = [{**effect.start(), **shape, **size} for shape in _shapes(effect, records)]
+        starts = [{**effect.start(), **shape, **size} for shape in shapes_of(effect, records)]
         phases: tuple[dict[str, float], ...] = ({},) if phase is None else ({phase: 0.0}, {phase: np.pi / 2})
         n, shown = len(phases), [list[Screened]() for _ in views]
         some = max(1, kind.lanes // n)
@@ -109,7 +106,8 @@ def screen(
     return sorted(rows, key=share, reverse=True)
 
 
-def _shapes(effect: type[Effect], records: Sequence[Record]) -> list[dict[str, float]]:
+def shapes_of(effect: type[Effect], records: Sequence[Record]) -> list[dict[str, float]]:
+    """The shapes on the grid of `effect`, its places among those of the `records`."""
     grid = {key: list(values) for key, values in effect.grid.items() if key != effect.of_role("phase")}
     position = effect.of_role("place")
     if position is not None:
@@ -135,14 +133,14 @@ def null_distribution(
     """
     gain, cost = 0.0, 0.0
     for _ in range(SET.imitations):
-        imitated, own, left = _imitated(kind, records, theta, rng)
+        imitated, own, left = imitated_by(kind, records, theta, rng)
         cost = max(cost, left)
         rows = screen(kind, imitated, [], own)
         gain = max(gain, *(-float(np.log1p(-min(row.share, SET.share_most))) for row in rows)) if rows else gain
     return gain, cost
 
 
-def _imitated(
+def imitated_by(
     kind: Kind, records: Sequence[Record], theta: Theta, rng: np.random.Generator
 ) -> tuple[list[Record], Theta, float]:
     """The `records` as the model at `theta` makes them, what explains them, and the cost of that: where a slip event of
@@ -154,52 +152,3 @@ def _imitated(
         again = Fitter.of(kind, imitated, []).near(theta, SET.fine).theta
         found.append((again, judged_cost(kind, imitated, again)))
     return (imitated, *min(found, key=lambda fit: fit[1]))
-
-
-def least_sizes(kind: Kind, records: Sequence[Record], theta: Theta, gain: float, cost: float) -> dict[str, float]:
-    """The smallest amplitude of each effect of `kind`, in a middle shape, for which a search would look in such
-    `records` (their first 20 s) with the base at `theta`: the base, refitted, leaves then more than chance, `cost` and
-    `gain`, as a search asks for. None for one that none of the amplitudes that a search starts from shows.
-    """
-    some = prefixes(records, SET.plan_shortest_s) if kind.beginnings_s else records
-    made, theta, least = _imitated(kind, some, theta, np.random.default_rng(0))
-    wanted = max(cost + SET.least_drop, cost * float(np.exp(max(gain, kind.least_gain)))) - least
-
-    def more(effect: type[Effect], size: float) -> float:
-        """What a model with the effect leaves of records without it: as much as one without it of records with it."""
-        shapes, fitter = _shapes(effect, made), replace(Fitter.of(kind, made, []), effects=(effect.id,))
-        start = {**effect.start(), **shapes[len(shapes) // 2], effect.amplitude().name: size}
-        fit = fitter.near(theta.with_(effect.id, start), SET.narrow, SET.its_rounds)
-        return judged_cost(kind, made, fit.theta) - least
-
-    def sized(effect: type[Effect]) -> float:
-        p, known = effect.amplitude(), dict[float, float]()
-        doubled = np.clip(effect.probe * 2.0 ** np.arange(SET.doublings + 1), p.lower, p.upper)
-        sizes = sorted(set(doubled.tolist()), key=abs)
-        at = bisect_left(sizes, wanted, key=lambda size: known.setdefault(size, more(effect, size)))
-        if at == len(sizes):
-            return np.inf
-        below = abs(sizes[at - 1]) if at else 0.0  # what is left grows about with the square
-        return float(max(below, abs(sizes[at]) * np.sqrt(wanted / known[sizes[at]])))
-
-    found = zip(kind.effects, each(sized, kind.effects), strict=True)
-    return {effect.id: size for effect, size in found if size < np.inf}
-
-
-def unshown(kind: Kind, sizes: Mapping[str, float]) -> list[type[Effect]]:
-    """The effects of which the least of `sizes` that records would show is above the middle of those that a search
-    starts from, as it doubles them.
-    """
-    middle = 2 ** (SET.doublings / 2)
-    return [effect for effect in kind.effects if sizes.get(effect.id, np.inf) > abs(effect.probe) * middle]
-
-
-def smallest(kind: Kind, records: Sequence[Record]) -> dict[str, Quantity]:
-    """The smallest amplitude of each effect of `kind` that a search in such `records` would tell from chance, before
-    any fit: in records that the nominal model makes. Nothing where they are too few for that.
-    """
-    searched, theta = kind.searched(records), kind.nominal()
-    chance = null_distribution(kind, records_for_null(kind, searched), theta, np.random.default_rng(0))
-    sizes = least_sizes(kind, searched, theta, *chance)
-    units = {name: kind.declared(name).amplitude().unit for name in sizes}
-    return {name: Quantity(size, measured_unit(units[name], kind.unit)) for name, size in sorted(sizes.items())}

@@ -8,10 +8,10 @@ from operator import attrgetter
 import numpy as np
 
 from models.effects import effect_words
-from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit, judged_cost
 from models.identification.fitting.fitter import Fitter
 from models.identification.fitting.horizon import predictable, prefixes
+from models.identification.intervals import Part
 from models.identification.kind import Kind
 from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each
 from models.identification.search.fitted_model import FittedModel

@@ -11,7 +11,7 @@ import scipy
 from models.effects.equation import lines_of
 from models.formula import Formula, Line, equal, symbols
 from models.identification.finding import Alike
-from models.identification.fitting.confidence import near
+from models.identification.intervals import near
 from models.identification.kind import Array
 from models.identification.kinds.dma import NAMES, DmaKind, single_samples
 from models.identification.settings import SET

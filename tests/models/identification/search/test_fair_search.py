@@ -5,7 +5,7 @@ import tomllib
 import pytest
 
 from models.identification.kinds import kind_for
-from models.identification.search.candidates import Trial, compare_candidates, from_best_base
+from models.identification.search.candidates import Trial, compare_candidates, fair
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.screening import screen
 from models.records.record import read_record
@@ -37,8 +37,9 @@ def test_a_stuck_look_alike_is_looked_for_from_the_best_ones_base(late: FittedMo
     off = base | {"magnet_stiffness_N_per_m": 21.3, ("sensor_delay", "delay_s"): 0.02}
     stuck = Trial("sensor_delay", late.fitted([off] * len(late.splits), ["sensor_delay"]), late.blocks)
     assert stuck.gain < lag.gain
-    same, again = from_best_base(late, [lag, stuck])
-    assert again.gain > lag.gain
+    trials, _ = fair(late, [lag, stuck])
+    same, again = sorted(trials, key=lambda trial: trial.effect)
+    assert again.fitted.cost < lag.fitted.cost
     assert again.fitted.thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
     assert same.fitted.thetas == lag.fitted.thetas
 
@@ -50,7 +51,7 @@ def test_a_candidate_does_not_lead_by_what_a_look_alike_beside_it_does(late: Fit
         for row in screen(late.kind, late.part, [], late.thetas[0])
         if row.effect in ("actuator_lag", "sensor_delay")
     ]
-    trials = compare_candidates(late, rows, lambda name, share: None)
+    trials, _ = fair(late, compare_candidates(late, rows, lambda name, share: None))
     assert trials[0].effect == "sensor_delay"
     assert trials[0].fitted.thetas[0]["sensor_delay", "delay_s"] == pytest.approx(0.048, abs=0.002)
     assert all(trial.gain < trials[0].gain - 0.1 for trial in trials[1:])

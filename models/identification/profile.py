@@ -6,9 +6,9 @@ import numpy as np
 import scipy
 
 from models.identification.finding import Profile
-from models.identification.fitting.confidence import inverse_of, memory, near
 from models.identification.fitting.fit import Fit
 from models.identification.fitting.fitter import Fitter
+from models.identification.intervals import inverse_of, memory, near
 from models.identification.kind import Kind
 from models.identification.settings import SET
 from models.records.record import Record

@@ -8,8 +8,8 @@ import pytest
 
 from models.identification.answer import without_size
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.search.screening import smallest, unshown
 from models.identification.search.search import search
+from models.identification.smallest import smallest, unshown
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from tests.rig_texts import GUT

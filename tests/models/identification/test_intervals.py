@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.identification.fitting.confidence import jackknife
+from models.identification.intervals import jackknife
 
 
 @pytest.mark.parametrize("groups", [2, 5, 12])

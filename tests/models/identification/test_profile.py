@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from models.identification.finding import Profile
-from models.identification.fitting.confidence import memory
 from models.identification.fitting.fit import Fit
 from models.identification.fitting.fitter import Fitter
-from models.identification.fitting.profile import LINE, profiles
+from models.identification.intervals import memory
 from models.identification.kinds import kind_for
 from models.identification.kinds.reports import AnyKind
+from models.identification.profile import LINE, profiles
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.theta import Theta

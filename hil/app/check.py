@@ -22,7 +22,7 @@ from models.identification.answer import without_size
 from models.identification.identify import narrowed
 from models.identification.kinds import kind_for, ready
 from models.identification.record_checks import check_records
-from models.identification.search.screening import smallest
+from models.identification.smallest import smallest
 from models.records.record import Record, as_measured
 from models.rigs.rig import Rig
 from models.words.sentences import Quantity

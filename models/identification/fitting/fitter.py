@@ -126,7 +126,7 @@ class Fitter:
         def together(first: int) -> list[float]:  # at about the price of one
             some = thetas[first : first + self.kind.lanes]
             rows = evaluate_all(self.kind, self.records, some, self.criterion)
-            return np.einsum("ij,ij->i", rows, rows).tolist()
+            return [float(cost) for cost in np.einsum("ij,ij->i", rows, rows)]
 
         return [cost for costs in each(together, range(0, len(thetas), self.kind.lanes)) for cost in costs]
 

@@ -49,6 +49,7 @@ COLUMNS: Final[Checks] = (
     sizes.check_magnets,
     signs.check_force_sign,
     signs.check_drive_sign,
+    signs.check_cell_sign,
     speeds.check_logged_speed,
     speeds.check_repeated,
     positions.check_stuck,

@@ -13,6 +13,7 @@ from models.checks.finding import Findings, RecordFinding
 from models.checks.settings import SET
 from models.checks.speeds import motion_rows
 from models.checks.view import View
+from models.rigs.columns import DRIVE_FORCE
 
 _OF_MEDIAN = 1.253 / 0.6745  # standard error of a median by the median deviation and the root of the number
 
@@ -33,6 +34,21 @@ def check_force_sign(view: View) -> Findings:
             yield view.stops("force_sign.stroke", column, beside=moved, moved=moved, line=line, mean=mean, n=n)
         elif view.kind.drawn:
             yield from _unsigned(view, column)
+
+
+def check_cell_sign(view: View) -> Findings:
+    """Whether a load cell between drive and capsule feels what the drive does: a magnet's gap, or a coil's push."""
+    cell, drive = view.record.columns.get(DRIVE_FORCE), view.driven
+    if cell is None or drive is None:
+        return
+    push = view.record[drive] - view.y if view.kind.follows else view.pushing[1] if view.pushing else view.record[drive]
+    felt = np.isfinite(cell)
+    if not felt.any() or not np.ptp(cell[felt]) or not np.ptp(push[felt]):
+        return
+    correlation = float(np.corrcoef(push[felt], cell[felt])[0, 1])
+    if correlation <= SET.sign_against:
+        line = view.turned_line(DRIVE_FORCE)
+        yield view.stops("cell_sign", DRIVE_FORCE, beside=drive, correlation=correlation, line=line)
 
 
 def _along(view: View, force: Array) -> tuple[float, int]:

@@ -47,6 +47,8 @@ class Noise(Table):
         "standard deviation of an accelerometer on the capsule; left out: estimated", None
     )
     drive_force_std_N: Positive | None = key("the same of a load cell between drive and capsule", None)
+    load_position_std_m: Positive | None = key("the same of an encoder at the load of an axis", None)
+    load_angle_std_rad: Positive | None = key("the same where it turns", None)
     velocity_std_m_s: Annotated[float, Field(ge=1e-9, le=10)] | None = key(
         "standard deviation of a mean speed between set-ups, which repeats do not show; left out: 0.002", None
     )

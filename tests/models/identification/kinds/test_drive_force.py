@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hil.report.closed_loop import report_html
+from models.checks.examine import examine
 from models.identification import Model, close
 from models.identification.finding import Finding
 from models.identification.kinds import kind_for
@@ -14,7 +15,7 @@ from models.records.record import Record, record_of
 from models.rigs.columns import DRIVE_FORCE
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig
-from tests.bench.bench_two_columns import COIL, MAGNET, cost, kind_of, series
+from tests.bench.bench_two_columns import COIL, MAGNET, Bench, cost, kind_of, series
 from tests.rig_texts import GUT
 
 
@@ -88,6 +89,21 @@ def test_a_model_found_with_the_column_serves_records_without_it() -> None:
     for one, columns in ((record, {"t_s", "position_m", DRIVE_FORCE}), (bare, {"t_s", "position_m"})):
         model.check(rig, one)
         assert set(model.predict(rig, one)) == columns
+
+
+@pytest.mark.parametrize("bench", [MAGNET, COIL], ids=["magnet", "coil"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_cell_that_shows_the_reaction_is_told_with_the_line_that_turns_it(bench: Bench, seed: int) -> None:
+    """The cell's zero, 0.3 N here, says nothing."""
+    rig, (record, *_), _ = series(bench.seconds, seed, bench)
+    cell = record[DRIVE_FORCE] + 0.3
+    cell[::3] = np.nan
+    found = {sign: examine(rig, [record.with_column(DRIVE_FORCE, sign * cell)]) for sign in (1, -1)}
+    assert not [one for one in found[1] if one.id == "cell_sign"]
+    (told,) = (one for one in found[-1] if one.id == "cell_sign")
+    assert told.severity == "stops"
+    assert "drive_force_N" in told.remedy
+    assert "sign = -1" in told.remedy
 
 
 def test_one_that_cannot_be_used_is_left_out_with_a_note() -> None:

@@ -1,6 +1,8 @@
 """What a controller may choose from: models that the records leave possible, stages that must not lead as they are."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -8,6 +10,8 @@ import scipy
 
 from models.identification.experiment import Candidate, root_of
 from models.identification.finding import STAGES
+from models.identification.fitting.fit import FreeParameter
+from models.identification.fitting.fitter import Fitter
 from models.identification.intervals import memory
 from models.identification.kind import Array
 from models.identification.kinds.reports import AnyKind
@@ -23,6 +27,7 @@ from models.records.record import Record
 from models.rigs.kinds import KINDS
 from models.theta import Theta
 from models.words.sentences import Quantity, Sentences
+from models.workers import each
 
 TEXT: Final = Sentences(__file__)
 
@@ -35,16 +40,55 @@ def choice_of(
     if not rig.of_capsule or rig.imposed or not isinstance(prepared.kind, SeriesKind):
         return Choice()
     errors = predicted.error["holdout"] or predicted.error["train"]
-    # with each effect that the records do not separate from a found one in its place, as it was fitted
-    members = {rival.effect: prepared.kind.nominal() | rival.fitted.thetas[0] for *_, rival in found.doubts}
     not_to_lead = barred(prepared, found, judged)
+    excluded = refuted(judged.verdict, errors, not_to_lead, prepared.kind.error_unit)
+    members = members_of(prepared.kind, train, found, SET.refuted * predicted.error["train"][STAGES[-1]])
     able = [*([] if STAGES[-1] in not_to_lead else [predicted.thetas[STAGES[-1]]]), *members.values()]
     mean = {CLASS: mean_of(prepared.kind, able)} if len(able) > 1 else {}
     possible = {**members, **mean, **dict(_draws(prepared, found, seed))}
-    excluded = refuted(judged.verdict, errors, not_to_lead, prepared.kind.error_unit)
     worlds = {**predicted.thetas, **possible}
     left = {name: left_by(prepared.kind, train, theta) for name, theta in worlds.items() if name not in excluded}
     return Choice(possible, not_to_lead, excluded, {name: push for name, push in left.items() if push})
+
+
+def members_of(kind: SeriesKind, records: Sequence[Record], found: Search, most: float) -> dict[str, Theta]:
+    """The models with each effect that the search did not separate from a found one in its place, fitted to all
+    `records`; none that then errs by more than `most`.
+    """
+    rivals = [rival for *_, rival in found.doubts]
+    fits = each(lambda one: held(kind, records, one.fitted.effects, one.fitted.thetas[0]), rivals)
+    members = {rival.effect: theta for rival, theta in zip(rivals, fits, strict=True)}
+    errors = {name: kind.error(records, [kind.predict(r, theta) for r in records]) for name, theta in members.items()}
+    return {name: theta for name, theta in members.items() if errors[name] <= most}
+
+
+def held(kind: SeriesKind, records: Sequence[Record], effects: Sequence[str], start: Theta) -> Theta:
+    """The fit to `records` with `effects` whose base stays as near to the rig file's as they allow, from `start` and
+    from where its base is half as far off or not at all. A number is known to `SET.rig_known` of its value, beside what
+    a residual beyond chance, which is not independent, tells: numbers that make up for each other thus stand where rigs
+    have them, and not at a bound.
+    """
+    fitter, nominal = Fitter.of(kind, records, effects, kind.final), kind.nominal()
+    base = [axis.name for axis in fitter.axes if not axis.parameter.effect]
+    start = nominal | start
+    points = [
+        start | {name: nominal[name] + share * (start[name] - nominal[name]) for name in base} for share in (1, 0.5, 0)
+    ]
+    for some in (points, points[:1]):
+        (residual,) = fitter.residuals([fitter.at(start)])
+        width = SET.rig_known / np.sqrt(max(float(np.mean(residual**2)) * memory(residual), 1.0))
+        prior = replace(fitter, axes=[_known(axis, width) for axis in fitter.axes])
+        fits = [prior.near(point, SET.narrow, SET.rounds) for point in (start, *some[1:])]
+        start = min(fits, key=attrgetter("cost")).theta
+    return start
+
+
+def _known(axis: FreeParameter, width: float) -> FreeParameter:
+    """A number of the base with a prior, a share `width` of its value wide; another as it is."""
+    p = axis.parameter
+    if p.effect or not p.value:
+        return axis
+    return replace(axis, parameter=replace(p, spread=min(p.spread, width * abs(p.value))))
 
 
 def mean_of(kind: AnyKind, members: Sequence[Theta]) -> Theta:

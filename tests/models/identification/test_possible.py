@@ -10,9 +10,11 @@ import pytest
 
 from models.identification import Model
 from models.identification.finding import STAGES
+from models.identification.fitting.fit import judged_cost
+from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.possible import barred, left_by, mean_of, refuted
+from models.identification.possible import barred, held, left_by, mean_of, refuted
 from models.identification.steps import Judged
 from models.records.record import Record, record_of
 from models.rigs.reader import parse_rig
@@ -107,6 +109,20 @@ def test_what_must_not_lead_refutes_no_other() -> None:
     errors = {"nominal": 0.96e-3, "calibrated": 1.08e-3, "augmented": 0.13e-3}
     assert set(refuted("unknown", errors, (), "m")) == {"nominal", "calibrated"}
     assert refuted("unknown", errors, ("augmented",), "m") == {}
+
+
+def test_a_held_base_stays_near_the_rig_file_where_the_records_allow(rig: Rig) -> None:
+    """One slow way shows hoop stress times friction alone: held, neither is at its bound, and the fit is as good."""
+    t = np.arange(0.0, 12.0, 0.01)
+    blank = record_of("way", {"t_s": t, "carriage_position_m": 1e-3 * t, "position_m": 1e-3 * t}, rig)
+    kind = kind_for(rig, [blank])
+    assert isinstance(kind, SeriesKind)
+    truth = kind.nominal() | {"hoop_stress_factor": 1.1, "friction_coefficient": 0.09}
+    made = [kind.imitate(blank, truth, np.random.default_rng(2))]
+    free = Fitter.of(kind, made, [], kind.final).near(kind.nominal() | {"hoop_stress_factor": 1.449})
+    theta = held(kind, made, [], free.theta)
+    assert abs(theta["hoop_stress_factor"] - 1) < 0.2
+    assert judged_cost(kind, made, theta) < 1.02 * judged_cost(kind, made, free.theta)
 
 
 @pytest.mark.parametrize(("kind", "command"), [("magnetic", "carriage_position_m"), ("coil", "coil_current_A")])

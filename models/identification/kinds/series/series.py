@@ -280,15 +280,13 @@ class SeriesKind(Kind):
 
     def splits(self, records: Sequence[Record]) -> list[Split]:
         """The last record validates the others; where it is the only one with a speed, a direction or a position, the
-        second halves of all records validate the first. A second half runs from the record's start where its state
-        depends on the first: of a pulled wall, a shaken mass, a body that drifts.
+        second halves of all records validate the first. A second half runs from the record's start: a clock, a way, a
+        wall and a body go on from the first.
         """
         if len(records) > 1 and may_be_left_out(records[-1], records[:-1]):
             return [(list(records[:-1]), [records[-1]])]
         halves = [len(r) // 2 for r in records]
         first = [r.rows(slice(0, half)) for r, half in zip(records, halves, strict=True)]
-        if self.drive.anchored and not self.drive.imposed:
-            return [(first, [r.rows(slice(half, None)) for r, half in zip(records, halves, strict=True)])]
         return [(first, [from_row(r, half) for r, half in zip(records, halves, strict=True)])]
 
     def signals(self, record: Record) -> dict[str, Array]:

@@ -13,6 +13,7 @@ from models.drives.vibro import RatedVibro, Vibro, VoltageVibro
 from models.effects import CATALOGUE
 from models.formula import line_text
 from models.identification import Model
+from models.identification.fitting.fit import judged_cost
 from models.identification.kinds import kind_for
 from models.identification.kinds.reports import series as report
 from models.identification.kinds.series.drive_input import (
@@ -141,6 +142,32 @@ def test_a_shaken_second_half_goes_on_from_the_first() -> None:
     left = kind.residual(held_out[0], theta, kind.final)
     assert len(left) == len(records[0]) - len(records[0]) // 2
     assert float(np.mean(left[:50] ** 2)) < 5
+
+
+@pytest.mark.parametrize(
+    ("effect", "numbers"),
+    [
+        ("tissue_drying", {"rate_per_s": 0.02}),
+        ("coupling_fade", {"rate_per_s": 0.02}),
+        ("preconditioning", {"fall": 0.4, "length_m": 0.05}),
+        ("respiration", {"force_N": 8e-3, "frequency_Hz": 0.3}),
+    ],
+)
+def test_behind_a_magnet_what_goes_on_in_time_goes_on_in_the_second_half(
+    effect: str, numbers: dict[str, float]
+) -> None:
+    """The only record is halved: its second half begins neither dry nor rested, and is predicted as in the whole."""
+    rig = parse_rig(BELIEVED["magnetic"].tables(1.0))
+    t = np.arange(0.0, 20.0, 5e-3)
+    carriage = 8e-3 * np.sin(2 * np.pi * 0.25 * t)
+    blank = Record("led", "magnetic", {"t_s": t, "carriage_position_m": carriage, "position_m": 0.0 * t})
+    template = kind_for(rig, [])
+    theta = template.nominal().with_(effect, {**template.catalogue[effect].start(), **numbers})
+    made = template.imitate(blank, theta, np.random.default_rng(1))
+    kind = kind_for(rig, [made])
+    ((_, held),) = kind.splits([made])
+    assert judged_cost(kind, held, theta) < 1.5
+    assert judged_cost(kind, held, kind.nominal()) > 5
 
 
 def test_a_model_file_predicts_from_the_driven_column_alone() -> None:

@@ -36,10 +36,10 @@ def rivals_of(
     model: FittedModel, effect: str, gain: float, screened: Sequence[Screened], trials: Sequence[Trial], chance: float
 ) -> list[Rival]:
     """Every candidate that could replace the `effect` of `model`, which gained `gain`: those that explained much when
-    screened, those of `trials`, and the declared look-alikes of the effect and of any that the records do not separate
-    from it. Each is fitted from anywhere, also from the model's own base and from where it imitates the model; of a
-    record without prefixes to the first split alone, where that leaves far more. `chance` is the validation cost of a
-    right model.
+    screened, those of `trials`, and the declared look-alikes of the effect and, where it explains the records, of any
+    that they do not separate from it. Each is fitted from anywhere, also from the model's own base and from where it
+    imitates the model; of a record without prefixes to the first split alone, where that leaves far more. `chance` is
+    the validation cost of a right model.
     """
     kind, named = model.kind, model.kind.catalogue
     own = {effect, *(name for name in model.effects if name in named[effect].refined_by)}
@@ -80,13 +80,14 @@ def rivals_of(
         same = alike or close or name in equals
         return apart, same, fitted.thetas, fitted.effects  # a kind and its records stay where they are
 
+    explained = model.cost < SET.near * chance  # else most are as good as one that is not right, and say nothing
     possible = {e.id for e in kind.effects} - {effect, *rest}
     waiting = [name for name in dict.fromkeys((*tried, *strong, *_like(kind, [effect]))) if name in possible]
     rivals = dict[str, Rival]()
     while waiting:
         for name, (apart, alike, thetas, effects) in zip(waiting, each(rival, waiting), strict=True):
             rivals[name] = Rival(name, apart, alike, model.fitted(thetas, effects))
-        likely = _like(kind, [name for name in waiting if rivals[name].alike])
+        likely = _like(kind, [name for name in waiting if rivals[name].alike]) if explained else []
         waiting = [name for name in likely if name in possible and name not in rivals]
     return list(rivals.values())
 

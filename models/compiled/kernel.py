@@ -1,8 +1,8 @@
 """A CasADi step function as a compiled NumPy loop: one declaration of the model, run at the speed of machine code."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -12,7 +12,24 @@ from numpy.typing import NDArray
 from models.compiled.machine_code import Code, addresses, call
 
 Array = NDArray[np.float64]
-Loop = Callable[[Array, Array, Array, float, Array, int, float, Array], None]
+
+
+class Loop(Protocol):
+    """See `Kernel`."""
+
+    def __call__(
+        self,
+        states: Array,
+        commands: Array,
+        measured: Array,
+        gain: float,
+        parameters: Array,
+        substeps: int,
+        dt: float,
+        outputs: Array,
+        began: float = 0.0,
+    ) -> None: ...
+
 
 LANES = 8
 """Parameter sets that a loop runs side by side: as many doubles as the widest vector units hold."""
@@ -33,6 +50,7 @@ def _run(
     substeps: int,
     dt: float,
     output: Array,
+    began: float,
 ) -> None:
     step, correct = codes
     n, lanes = state.shape
@@ -51,7 +69,7 @@ def _run(
         for j in range(substeps if k > 0 else 1):
             now[0] = c0 + (c1 - c0) * (j / substeps)
             now[1] = c0 + (c1 - c0) * ((j + 1) / substeps)
-            now[2] = (k - 1) * dt + j * h if k > 0 else -h
+            now[2] = began + (k - 1) * dt + j * h if k > 0 else -h  # before the start a filter has no past
             now[3] = h
             call(step, work, now)
         for lane in range(output.shape[1]):
@@ -71,9 +89,10 @@ def _run(
 @dataclass(frozen=True)
 class Kernel:
     """`step(state, c0, c1, t, h, parameters) -> (state, output)` and `correct(state, error, gain)` as a compiled loop
-    over samples. `many(states, commands, measured, gain, parameters, substeps, dt, outputs)` runs `LANES` parameter
-    sets side by side, a column each of `states` (n, LANES), `parameters` (m, LANES), `measured` and `outputs` (samples,
-    LANES a row of the output); `one` runs a single set, with the same numbers, on plain vectors.
+    over samples. `many(states, commands, measured, gain, parameters, substeps, dt, outputs, began=0)` runs `LANES`
+    parameter sets side by side, a column each of `states` (n, LANES), `parameters` (m, LANES), `measured` and `outputs`
+    (samples, LANES a row of the output), from the time `began` in s; `one` runs a single set, with the same numbers, on
+    plain vectors.
 
     The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
     overwrites `states` with the last ones and fills `outputs`, each predicted before its sample is seen. `correct` then
@@ -94,11 +113,22 @@ class Kernel:
     @cached_property
     def one(self) -> Loop:
         run = self._compiled(1)
-        return lambda state, commands, measured, gain, parameters, substeps, dt, output: run(
-            state[:, None], commands, measured[:, None], gain, parameters[:, None], substeps, dt, output[:, None]
+        return lambda states, commands, measured, gain, parameters, substeps, dt, outputs, began=0.0: run(
+            states[:, None],
+            commands,
+            measured[:, None],
+            gain,
+            parameters[:, None],
+            substeps,
+            dt,
+            outputs[:, None],
+            began,
         )
 
     def _compiled(self, lanes: int) -> Loop:
         n, m, rows = self.step.numel_in(0), self.step.numel_in(5), self.step.numel_out(1)
         codes = (Code(self.step, {0: 0, 5: n}, (0, n + m)), Code(self.correct, {0: 0, 1: n + m + rows}, (0,)))
-        return partial(_run, addresses(codes, lanes), self.slow_s)
+        at, slow_s = addresses(codes, lanes), self.slow_s
+        return lambda states, commands, measured, gain, parameters, substeps, dt, outputs, began=0.0: _run(
+            at, slow_s, states, commands, measured, gain, parameters, substeps, dt, outputs, began
+        )

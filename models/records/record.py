@@ -40,8 +40,8 @@ LARGEST_SAMPLE = 1e12  # that the checks of records can read
 class Record:
     """One record in memory: samples by column, all of one length; `notes` on the reading, such as resampling, and what
     it `left_out`; the `source` file, and the line of each row in one of text; `treated`: what cleaning did to it, None
-    before it was cleaned. A part knows the `whole` that it is of, and the `first` of its rows there. Its columns never
-    change.
+    before it was cleaned. A part knows the `whole` that it is of, and the `first` of its rows there; it `began_s` later
+    than what it is a part of, by the clock of what goes on in time. Its columns never change.
     """
 
     name: str
@@ -54,6 +54,7 @@ class Record:
     left_out: tuple[LeftOut, ...] = ()
     whole: Record | None = field(default=None, repr=False)
     first: int = 0
+    began_s: float = 0.0
 
     @property
     def said(self) -> tuple[str, ...]:
@@ -93,7 +94,10 @@ class Record:
     def rows(self, index: Any) -> Record:
         """The same record with only the rows of `index`."""
         columns = {key: column[index] for key, column in self.columns.items()}
-        return replace(self, columns=columns, lines=None if self.lines is None else self.lines[index])
+        began_s = self.began_s
+        if TIME in columns and len(columns[TIME]):
+            began_s += float(columns[TIME][0] - self[TIME][0])
+        return replace(self, columns=columns, lines=None if self.lines is None else self.lines[index], began_s=began_s)
 
     def part(self, first: int, last: int) -> Record:
         """The rows from `first` up to `last`, which know their whole."""

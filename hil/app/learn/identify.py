@@ -235,9 +235,11 @@ def _as_noisy(rig: Rig, record: Record, theta: Theta) -> Rig:
 
 
 def _part(name: str, rig: Rig, columns: Mapping[str, Array], begin: int, end: int | None) -> Record:
-    """Rows from `begin` to before `end` count; those of `LEAD_S` before give the state at `begin`."""
+    """Rows from `begin` to before `end` count; those of `LEAD_S` before give the state at `begin`. What goes on in time
+    goes by the run's clock, as in the controller.
+    """
     times = columns[TIME]
     first = int(np.searchsorted(times, times[begin] - LEAD_S))
     part = {key: np.asarray(values[first:end]) for key, values in columns.items()}
     part[TIME] = part[TIME] - part[TIME][0]
-    return from_row(Record(name, rig.kind, part), begin - first)
+    return from_row(Record(name, rig.kind, part, began_s=float(times[first])), begin - first)

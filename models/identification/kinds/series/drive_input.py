@@ -47,7 +47,7 @@ def evenly(record: Record, columns: tuple[str, ...]) -> Record:
         return record
     even = np.linspace(t[0], t[-1], 2 * len(t) - 1)
     there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
-    return Record(record.name, record.kind, {"t_s": even, **there})
+    return Record(record.name, record.kind, {"t_s": even, **there}, began_s=record.began_s)
 
 
 @dataclass(frozen=True)

@@ -150,11 +150,12 @@ class Runner:
             seen = in_time(samples, late / (fed.every * fed.dt), len(shown), fed.first, fed.every)
         if not (self.drive.anchored or self.drive.launched) and memory:
             n = 1 + max(1, round(SET.start_s / fed.dt))
-            kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
+            first = states.copy(), fed.commands[:n], seen, 0.0
+            kernel.many(*first, parameters, fed.substeps, fed.dt, shown, even.began_s)
             there = np.isfinite(seen[:n]).all(axis=1)
             if there.any():  # the noise of one sample's position would last
                 states[0] += np.mean((seen[:n] - shown[:n, :LANES])[there], axis=0)
-        kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
+        kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown, even.began_s)
         return shown, late
 
     def _start(self, assembly: Assembly, record: Record, placed: bool) -> Array:

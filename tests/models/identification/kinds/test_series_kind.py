@@ -2,6 +2,8 @@
 plant.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -150,7 +152,7 @@ def test_a_shaken_second_half_goes_on_from_the_first() -> None:
         ("tissue_drying", {"rate_per_s": 0.02}),
         ("coupling_fade", {"rate_per_s": 0.02}),
         ("preconditioning", {"fall": 0.4, "length_m": 0.05}),
-        ("respiration", {"force_N": 8e-3, "frequency_Hz": 0.3}),
+        ("respiration", {"force_N": 8e-3, "frequency_Hz": 0.33}),
     ],
 )
 def test_behind_a_magnet_what_goes_on_in_time_goes_on_in_the_second_half(
@@ -168,6 +170,14 @@ def test_behind_a_magnet_what_goes_on_in_time_goes_on_in_the_second_half(
     ((_, held),) = kind.splits([made])
     assert judged_cost(kind, held, theta) < 1.5
     assert judged_cost(kind, held, kind.nominal()) > 5
+    late = made.rows(slice(len(made) // 2, None))
+    assert late.began_s == pytest.approx(10.0)
+    if effect != "preconditioning":  # which goes by the way, and a part knows its own alone
+        there = kind.predict(made, theta)[len(made) // 2 :]
+        off, begun_again = (
+            np.std((kind.predict(one, theta) - there)[400:]) for one in (late, replace(late, began_s=0.0))
+        )
+        assert off < 0.3 * begun_again
 
 
 def test_a_model_file_predicts_from_the_driven_column_alone() -> None:

@@ -3,10 +3,8 @@
 import os
 import pickle
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 from pathlib import Path
@@ -14,8 +12,6 @@ from signal import SIG_DFL, SIGINT, signal
 from threading import Thread
 from typing import Any, TypeVar
 
-INTERRUPT_S = 0.2
-"""Within it an interrupt that has ended a worker reaches its parent, too."""
 _T = TypeVar("_T")
 _R = TypeVar("_R")
 _FORKS = sys.platform == "linux"  # elsewhere a forked process may not use what its parent had loaded
@@ -85,11 +81,7 @@ def _results(function: Callable[[_T], _R], items: Sequence[_T]) -> Iterator[_R]:
             yield from threads.map(function, items)
     else:
         with ProcessPoolExecutor(count, get_context("fork"), _begin, (function, items)) as workers:
-            try:
-                yield from workers.map(_one, range(len(items)))
-            except BrokenProcessPool:
-                time.sleep(INTERRUPT_S)
-                raise
+            yield from workers.map(_one, range(len(items)))
 
 
 class _Kept:

@@ -123,8 +123,9 @@ def test_no_worker_is_left_when_the_call_ends() -> None:
 
 
 _FOREVER = """
-import os, time
+import os, signal, time
 from models import workers
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background inherits an ignored one
 workers.cores = lambda: 2
 
 def forever(k):

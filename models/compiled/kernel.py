@@ -1,8 +1,8 @@
 """A CasADi step function as a compiled NumPy loop: one declaration of the model, run at the speed of machine code."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Protocol
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -12,24 +12,8 @@ from numpy.typing import NDArray
 from models.compiled.machine_code import Code, addresses, call
 
 Array = NDArray[np.float64]
-
-
-class Loop(Protocol):
-    """See `Kernel`."""
-
-    def __call__(
-        self,
-        states: Array,
-        commands: Array,
-        measured: Array,
-        gain: float,
-        parameters: Array,
-        substeps: int,
-        dt: float,
-        outputs: Array,
-        began: float = 0.0,
-    ) -> None: ...
-
+Loop = Callable[[Array, Array, Array, float, Array, int, float, Array, float], None]
+Alone = Callable[[Array, Array, Array, float, Array, int, float, Array], None]
 
 LANES = 8
 """Parameter sets that a loop runs side by side: as many doubles as the widest vector units hold."""
@@ -89,10 +73,10 @@ def _run(
 @dataclass(frozen=True)
 class Kernel:
     """`step(state, c0, c1, t, h, parameters) -> (state, output)` and `correct(state, error, gain)` as a compiled loop
-    over samples. `many(states, commands, measured, gain, parameters, substeps, dt, outputs, began=0)` runs `LANES`
+    over samples. `many(states, commands, measured, gain, parameters, substeps, dt, outputs, began)` runs `LANES`
     parameter sets side by side, a column each of `states` (n, LANES), `parameters` (m, LANES), `measured` and `outputs`
-    (samples, LANES a row of the output), from the time `began` in s; `one` runs a single set, with the same numbers, on
-    plain vectors.
+    (samples, LANES a row of the output), from the time `began` in s; `one` runs a single set from 0, with the same
+    numbers, on plain vectors.
 
     The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
     overwrites `states` with the last ones and fills `outputs`, each predicted before its sample is seen. `correct` then
@@ -111,24 +95,13 @@ class Kernel:
         return self._compiled(LANES)
 
     @cached_property
-    def one(self) -> Loop:
+    def one(self) -> Alone:
         run = self._compiled(1)
-        return lambda states, commands, measured, gain, parameters, substeps, dt, outputs, began=0.0: run(
-            states[:, None],
-            commands,
-            measured[:, None],
-            gain,
-            parameters[:, None],
-            substeps,
-            dt,
-            outputs[:, None],
-            began,
+        return lambda state, commands, measured, gain, parameters, substeps, dt, output: run(
+            state[:, None], commands, measured[:, None], gain, parameters[:, None], substeps, dt, output[:, None], 0.0
         )
 
     def _compiled(self, lanes: int) -> Loop:
         n, m, rows = self.step.numel_in(0), self.step.numel_in(5), self.step.numel_out(1)
         codes = (Code(self.step, {0: 0, 5: n}, (0, n + m)), Code(self.correct, {0: 0, 1: n + m + rows}, (0,)))
-        at, slow_s = addresses(codes, lanes), self.slow_s
-        return lambda states, commands, measured, gain, parameters, substeps, dt, outputs, began=0.0: _run(
-            at, slow_s, states, commands, measured, gain, parameters, substeps, dt, outputs, began
-        )
+        return partial(_run, addresses(codes, lanes), self.slow_s)

@@ -74,12 +74,12 @@ def held(kind: SeriesKind, records: Sequence[Record], effects: Sequence[str], st
     points = [
         start | {name: nominal[name] + share * (start[name] - nominal[name]) for name in base} for share in (1, 0.5, 0)
     ]
-    for some in (points, points[:1]):
+    for _ in range(2):  # once fitted the residual tells how well it does
         (residual,) = fitter.residuals([fitter.at(start)])
         width = SET.rig_known / np.sqrt(max(float(np.mean(residual**2)) * memory(residual), 1.0))
         prior = replace(fitter, axes=[_known(axis, width) for axis in fitter.axes])
-        fits = [prior.near(point, SET.narrow, SET.rounds) for point in (start, *some[1:])]
-        start = min(fits, key=attrgetter("cost")).theta
+        start = min((prior.near(point, SET.narrow, SET.rounds) for point in points), key=attrgetter("cost")).theta
+        points = [start]
     return start
 
 

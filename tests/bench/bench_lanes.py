@@ -30,7 +30,7 @@ def main() -> None:
             alone, together = np.empty(SAMPLES), np.empty((SAMPLES, LANES))
             states, parameters = (np.repeat(v[:, None], LANES, axis=1) for v in (model.start(), p))
             began = time.process_time()
-            kernel.many(states.copy(), command[:2], together, 0.0, parameters, 1, DT_S, together)
+            kernel.many(states.copy(), command[:2], together, 0.0, parameters, 1, DT_S, together, 0.0)
             compiled = time.process_time() - began
             kernel.one(model.start(), command[:2], alone, 0.0, p, 1, DT_S, alone)
             ratios = []
@@ -38,7 +38,7 @@ def main() -> None:
                 began = time.process_time()
                 kernel.one(model.start(), command, alone, 0.0, p, substeps, DT_S, alone)
                 between = time.process_time()
-                kernel.many(states.copy(), command, together, 0.0, parameters, substeps, DT_S, together)
+                kernel.many(states.copy(), command, together, 0.0, parameters, substeps, DT_S, together, 0.0)
                 ratios.append(LANES * (between - began) / (time.process_time() - between))
             name = f"{drive.name} {'+'.join(effects) or 'base'}"
             print(f"{name:24s} one / (eight / 8) = {np.median(ratios):.1f}; compiled or loaded in {compiled:.2f} s")

@@ -27,7 +27,7 @@ def evaluated(function: Callable[[Any], Any], x: Array) -> Array:
     rows = np.append(x, np.full(-len(x) % LANES, 1.0)).reshape(-1, 1, LANES)
     output = np.empty((len(rows), 1, LANES))
     for parameters, shown in zip(rows, output, strict=True):
-        kernel.many(np.zeros((1, LANES)), once, shown, 0.0, parameters, 1, 1.0, shown)
+        kernel.many(np.zeros((1, LANES)), once, shown, 0.0, parameters, 1, 1.0, shown, 0.0)
     return output.ravel()[: len(x)]
 
 
@@ -107,7 +107,9 @@ def test_lanes_give_the_numbers_of_a_single_run_to_the_last_bit() -> None:
     parameters, for_each = np.linspace(0.5, 4.0, LANES), np.repeat(seen[:, None], LANES, axis=1)
     for gain in (0.0, 0.2):
         side_by_side = np.empty((300, LANES))
-        kernel.many(np.zeros((1, LANES)), command, for_each, gain, parameters[None, :].copy(), 4, 0.01, side_by_side)
+        kernel.many(
+            np.zeros((1, LANES)), command, for_each, gain, parameters[None, :].copy(), 4, 0.01, side_by_side, 0.0
+        )
         for k, value in enumerate(parameters):
             alone = np.empty(300)
             kernel.one(np.zeros(1), command, seen, gain, np.array([value]), 4, 0.01, alone)

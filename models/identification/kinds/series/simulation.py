@@ -144,18 +144,18 @@ class Runner:
         late = np.array([_late(active, theta) for theta in lanes])
         states = np.repeat(self._start(assembly, even, placed)[:, None], LANES, axis=1)
         shown = np.empty((len(fed.commands), (1 + len(beside)) * LANES))
+        rest = parameters, fed.substeps, fed.dt, shown, even.began_s
         seen, gain = shown, 0.0
         if memory:
             samples, gain = _observed(even, self.drive.measured), fed.dt / memory
             seen = in_time(samples, late / (fed.every * fed.dt), len(shown), fed.first, fed.every)
         if not (self.drive.anchored or self.drive.launched) and memory:
             n = 1 + max(1, round(SET.start_s / fed.dt))
-            first = states.copy(), fed.commands[:n], seen, 0.0
-            kernel.many(*first, parameters, fed.substeps, fed.dt, shown, even.began_s)
+            kernel.many(states.copy(), fed.commands[:n], seen, 0.0, *rest)
             there = np.isfinite(seen[:n]).all(axis=1)
             if there.any():  # the noise of one sample's position would last
                 states[0] += np.mean((seen[:n] - shown[:n, :LANES])[there], axis=0)
-        kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown, even.began_s)
+        kernel.many(states, fed.commands, seen, gain, *rest)
         return shown, late
 
     def _start(self, assembly: Assembly, record: Record, placed: bool) -> Array:

@@ -71,22 +71,25 @@ class Row:
 
     @property
     def expected(self) -> float:
-        """The mean over the worlds that were tried to the end, where there are any: others give a bound from below."""
-        tried = self.outcomes.values()
+        """The mean over the worlds that count and were tried to the end, where there are any: others give a bound from
+        below.
+        """
+        tried = [one for name, one in self.outcomes.items() if name in self.worlds]
         costs = [one.cost for one in tried if one.whole] or [one.cost for one in tried]
-        return sum(costs) / max(len(costs), 1)
+        return sum(costs) / len(costs) if costs else math.inf
 
 
 @dataclass(frozen=True)
 class Chosen:
     """What leads: `stage` with `controller`; the error in m that is `expected` of each stage with its best controller,
-    the mean over the models it was tried in, and `why` in words.
+    the mean over the models it was tried in, and `why` in words; whether each candidate `fails` in some world.
     """
 
     stage: str
     controller: str
     expected: Mapping[str, float]
     why: str
+    fails: bool = False
 
     def document(self) -> dict[str, Any]:
         """The key `chosen` of a run's JSON object."""
@@ -258,7 +261,7 @@ def choose(
     said += [TEXT("barred", stage=stage, why=reason) for stage, reason in (barred or {}).items()]
     lacks = {name: quantity(push.force_N, "N") for name, push in worlds.items() if name not in able}
     said += [TEXT("no_world", world=name, force=force, most=quantity(most_N, "N")) for name, force in lacks.items()]
-    return Chosen(leading.candidate.stage, leading.candidate.controller, expected, " ".join(said))
+    return Chosen(leading.candidate.stage, leading.candidate.controller, expected, " ".join(said), compared.broken > 0)
 
 
 def _other(stage: str, row: Row, lost: str) -> str:

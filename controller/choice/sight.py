@@ -1,5 +1,6 @@
 """Which localisation is too slow or too late for a controller to lead."""
 
+from collections import Counter
 from dataclasses import replace
 from typing import Final
 
@@ -10,6 +11,7 @@ from controller.choice.world import Localisation, Push
 from controller.drives import envelope_of
 from controller.model.control_model import ControlModel
 from controller.supervision.contradiction import CONFIRMED
+from controller.supervision.fallback import not_led
 from models.words.sentences import Sentences
 
 TEXT: Final = Sentences(__file__)
@@ -19,6 +21,8 @@ TRIALS: Final = 3
 """Trials, each with a noise of its own: of the controllers at their limit some runs fail and some do not."""
 LONGEST_S: Final = 60.0
 """Length of a mission that is simulated."""
+LEADS: Final = 0.9
+"""Share of the ticks, from the first that is led, that a controller must lead."""
 _GRID_S: Final = 0.01
 
 
@@ -52,7 +56,14 @@ def unfit(mission: Mission, model: ControlModel, controller: str, loops: bool = 
 
 
 def _ends(mission: Mission, model: ControlModel, controller: str, seed: int) -> str:
-    """What ends the loop of `controller` on its own model, "" where nothing does within the mission."""
+    """What ends the loop of `controller` on its own model, or that it does not lead there; "" where it follows the
+    mission to its end.
+    """
     loop, capsule = loop_in((model, Push()), mission, model, controller, seed=seed)
-    ticks = round(min(mission.duration_s, LONGEST_S) / model.tick_s)
-    return next((why for _ in loop.run(capsule, ticks) if (why := ended(loop, capsule))), "")
+    ticks, led = round(min(mission.duration_s, LONGEST_S) / model.tick_s), Counter[str]()
+    for tick in loop.run(capsule, ticks):
+        if why := ended(loop, capsule):
+            return why
+        if led or tick.active != "stop":  # the estimate has begun
+            led[tick.active] += 1
+    return not_led(led, controller, LEADS)

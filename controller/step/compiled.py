@@ -249,10 +249,6 @@ class CompiledSupervisor(Supervisor):
             super().observer_for(name, model, estimator) if found is None else CompiledEstimator(found, self.envelope)
         )
 
-    def lead_on(self, chain: Sequence[Controller], reason: str) -> None:
-        super().lead_on(chain, reason)
-        self._reason = reason
-
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
         self.halted, self._active, self._resting_s = "", -1, -1.0
         self._now = number(now)
@@ -273,7 +269,8 @@ class CompiledSupervisor(Supervisor):
         for k in range(out.events):
             event = out.event[k]
             names = (*held.names, "stop")
-            self.events.append(Event(self._now, names[event.before], names[event.after], self._said(event.reason)))
+            before, self._led = self._led or names[event.before], ""
+            self.events.append(Event(self._now, before, names[event.after], self._said(event.reason)))
         if out.halted and not self.halted:
             self.halted = self._said(held.reason)
         self._active, self._resting_s = out.active, out.resting_s

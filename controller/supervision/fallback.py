@@ -101,13 +101,13 @@ def shares(led: Counter[str]) -> dict[str, float]:
     return {name: count / led.total() for name, count in led.most_common()}
 
 
-def not_led(led: Counter[str], wanted: str) -> str:
-    """That controllers other than `wanted` had more than 1 % of the ticks; else ""."""
+def not_led(led: Counter[str], wanted: str, least: float = LED) -> str:
+    """That `wanted` had a smaller share of the ticks than the `least`; else ""."""
     found = shares(led)
-    if not found or found.get(wanted, 0.0) >= LED:
+    if not found or found.get(wanted, 0.0) >= least:
         return ""
     others = ", ".join(f"{name} {100 * share:.1f} %" for name, share in found.items())
-    return f"{wanted} must lead {100 * LED:g} % of the ticks; led: {others}"
+    return f"{wanted} must lead {100 * least:g} % of the ticks; led: {others}"
 
 
 class Blend:

@@ -57,6 +57,7 @@ class Supervisor:
         self.halted, self.room = "", (-math.inf, math.inf)
         self._offered: tuple[Controller, ...] | None = None
         self._allowed: int | None = None
+        self._led = ""
         self._begin(tuple(chain), 0.0)
 
     def _begin(self, chain: tuple[Controller, ...], now: float) -> None:
@@ -115,8 +116,9 @@ class Supervisor:
 
     def lead_on(self, chain: Sequence[Controller], reason: str) -> None:
         """Take `chain`, the controllers of a better model, over at once; the step between the commands fades."""
+        before = self.active
         self._begin(tuple(chain), self._now)
-        self._reason = reason
+        self._reason, self._led = reason, before
 
     def halt(self, reason: str) -> None:
         self.halted = self.halted or reason
@@ -271,7 +273,9 @@ class Supervisor:
         return Seen(x, v, max(age, 0.0) if age >= early else math.inf, lost, self.temperature_C, std)
 
     def _note(self, after: str, reason: str) -> None:
-        self.events.append(Event(self._now, self.active, after, reason))
+        """The next event: a chain that led on takes over from who led before it."""
+        self.events.append(Event(self._now, self._led or self.active, after, reason))
+        self._led = ""
 
 
 def _at(profile: Callable[[Array], Array], now: float) -> float:

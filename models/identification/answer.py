@@ -27,7 +27,7 @@ from models.identification.inner_spline import followed_inside
 from models.identification.kinds.reports import AnyKind, report_of
 from models.identification.profile import profiles
 from models.identification.residual_dependence import dependence_of
-from models.identification.search.search import Search
+from models.identification.search.search import Search, limit_of_chance
 from models.identification.settings import SET
 from models.identification.smallest import least_sizes, unshown
 from models.identification.steps import Choice, Judged, Predicted, Prepared
@@ -97,7 +97,7 @@ def answer(
         beside=_beside(kind, predicted, train),
         noise_floor=judged.floor,
         checks=judged.checks,
-        candidates=tuple(_rows(found, words)),
+        candidates=tuple(candidate_rows(found, words)),
         smallest_detectable=sizes,
         next_experiment=_next(judged.findings, verdict, wanted),
         statements=(
@@ -189,16 +189,17 @@ def _own(name: str, spread: Mapping[Name, Fitted]) -> dict[str, Fitted]:
     return {key[1]: value for key, value in spread.items() if not isinstance(key, str) and key[0] == name}
 
 
-def _rows(found: Search, words: Callable[[str], str]) -> list[CandidateRow]:
+def candidate_rows(found: Search, words: Callable[[str], str]) -> list[CandidateRow]:
+    """Each candidate of each round and what became of it; a round adds one effect, the last one maybe none."""
     rows = []
-    for number, screened, trials in found.rounds:
+    for (number, screened, trials), added in zip(found.rounds, [*found.gains, ""], strict=False):
         gains = {trial.effect: trial.gain for trial in trials}
-        added = found.effects[number - 1] if len(found.effects) >= number else ""
+        became_added = "dropped" if added in found.dropped else "added"
         for row in screened:
-            if added and row.effect in found.equivalent[added]:
+            if row.effect in found.equivalent.get(added, ()):
                 note = TEXT("candidate.equivalent", added=words(added))
             else:
-                became = "added" if row.effect == added else "fitted" if row.effect in gains else "screened"
+                became = became_added if row.effect == added else "fitted" if row.effect in gains else "screened"
                 note = TEXT(f"candidate.{became}")
             rows.append(CandidateRow(row.effect, number, row.share, gains.get(row.effect), note))
     return rows
@@ -211,11 +212,11 @@ def _statements(
     said = [TEXT("statement.costs" if found.effects else "statement.cost", **costs, names=map(words, found.effects))]
     if found.effects:
         excess = found.before - found.null_cost  # the misfit beyond chance
-        share = (found.before - found.after) / excess if excess > 0 else 1.0
+        rest = 1 - (found.before - found.after) / excess if excess > 0 else 0.0
         constant, error = predicted.constant.get("train", np.inf), predicted.error["train"]
         if error["calibrated"] > constant:  # a base that diverges is no measure
-            share = max(1 - (error["augmented"] / constant) ** 2, 0.0)
-        said.append(TEXT("statement.explained", share=min(share, 1.0)))
+            rest = (error["augmented"] / constant) ** 2
+        said.append(TEXT("statement.explained", rest=float(np.clip(rest, 0.0, 1.0))))
     if found.horizon_s < np.inf:
         said.append(TEXT("statement.horizon", horizon=found.horizon_s))
     elif found.sensitivity > SET.clean * found.null_cost:
@@ -223,8 +224,12 @@ def _statements(
     for name in found.refinements:
         shaped = [words(effect) for effect in found.effects if name in kind.catalogue[effect].refined_by]
         said.append(sentence(TEXT("statement.refined", words=words(name), effects=shaped)))
-    count = found.effects if ended == "most" else found.rounds[-1][1] if found.rounds else ()
-    return said if ended == "time" else [*said, TEXT(f"statement.ended_{ended}", n=len(count))]  # that is left out
+    if ended != "time":  # that is left out
+        _, screened, trials = found.rounds[-1] if found.rounds else (0, (), ())
+        best = {"effect": words(trials[0].effect), "cost": float(trials[0].blocks.mean())} if trials else {}
+        costs = {"limit": limit_of_chance(kind, found), "after": found.after}
+        said.append(TEXT(f"statement.ended_{ended}", n=len(screened), effects=len(found.effects), **costs, **best))
+    return said
 
 
 def _proposed(kind: AnyKind, found: Search, predicted: Predicted) -> list[str]:

@@ -58,9 +58,10 @@ def checks_of_rest(
     kind: Kind, found: Search, train: Sequence[Record], holdout: Sequence[Record], rng: np.random.Generator
 ) -> tuple[Check, ...]:
     """What the found model leaves of the records, beside the most that fits leave of records that it made itself, as
-    many as it takes to pass. Where held-out records pass, or nothing was found, the fit to all records may validate
-    itself, as a fit to a part may miss one more slip event. Where nothing was found, fits that miss their own records
-    by far show nothing. The form of an effect may miss 1 % of the power that it explains, at most twice the noise's.
+    many as it takes to pass. Where held-out records pass and a fit to a part may miss one more slip event, or where
+    nothing was found, the fit to all records may validate itself. Where nothing was found, fits that miss their own
+    records by far show nothing. The form of an effect may miss 1 % of the power that it explains, at most twice the
+    noise's.
     """
     form = SET.unseen
     if found.effects:
@@ -77,7 +78,7 @@ def checks_of_rest(
             return tuple(check for left, null, name in rows for check in within(left, null, form, name))
 
         unseen = [check.ok for check in compared(first) if check.id.startswith("held_out")]
-        itself = all(unseen) if unseen else not found.effects
+        itself = (all(unseen) if unseen else not found.effects) and (bool(kind.beginnings_s) or not found.effects)
         checks = compared(replace(first, validation=min(found.after, whole)) if itself else first)
         if all(check.ok for check in checks):
             break
@@ -104,7 +105,7 @@ def checks_of_model(
     periods: Mapping[Name, float] = MappingProxyType({}),
 ) -> tuple[Check, ...]:
     """What a verdict rests on beside what is left: parameters, held-out errors, findings, the effects' `periods`."""
-    checks = [_check("bounds", len(at_bounds(kind, found.augmented, found.effects)), 0)]
+    checks = [_check("bounds", len(at_bounds(kind, found.augmented, found.effects, found.refinements)), 0)]
     if not found.effects:
         checks.append(_check("records", sum(finding.severity == "weakens" for finding in findings), 0))
     else:
@@ -224,14 +225,14 @@ def setback_findings(
     )
 
 
-def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
-    """Names of the fitted parameters at a bound. A bound of 0, where a law ends or becomes a simpler one, does not
-    count, except for the size of an effect, which is then absent; nor does a bound that is the declared value of a
-    form.
+def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str], refinements: Sequence[str] = ()) -> list[str]:
+    """Names of the fitted parameters at a bound, with those of `refinements`. A bound of 0, where a law ends or becomes
+    a simpler one, does not count, except for the size of an effect, which is then absent; nor does a bound that is the
+    declared value of a form.
     """
     sizes = {(name, kind.declared(name).amplitude().name) for name in effects}
     found = []
-    for axis in axes(kind, effects):
+    for axis in axes(kind, [*effects, *refinements]):
         p = axis.parameter
         plain = {0.0, p.value} if p.effect else {0.0}
         bounds = [bound for bound in (p.lower, p.upper) if axis.name in sizes or bound not in plain]

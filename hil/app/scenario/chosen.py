@@ -1,6 +1,5 @@
 """What leads a run with a model that carries a choice: the stage and the controller, expected to track best."""
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
@@ -146,7 +145,7 @@ def chosen_of(model: Model, believed: Believed, mission: Mission, names: Sequenc
         mission, candidates, pushes, lambda name, before: believed(numbers[name], before), report, model.barred
     )
     values = model.believed(found.stage)
-    if math.isinf(found.expected[found.stage]):
+    if found.fails:
         seeing(mission, believed(values), [found.controller])
     return Leading(values, found.stage, found.controller, found, others_of(model, values))
 

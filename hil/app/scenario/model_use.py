@@ -115,6 +115,8 @@ def values_of(path: Path | None, learned: Model | None, stage: str | None) -> tu
     stage = stage or "augmented"
     if stage in learned.cautions:
         note(f"{path}: {learned.cautions[stage]}")
+    if stage in learned.barred:
+        note(f"{path}: {TEXT('barred', stage=stage, why=learned.barred[stage])}")
     return learned.believed(stage), stage
 
 

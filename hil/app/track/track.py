@@ -35,7 +35,7 @@ def track(
     effects: options.OwnEffects,
     controllers: options.OwnControllers,
 ) -> int:
-    """Run a scenario in closed loop: 1 where a run fails a check or is stopped. Raises ValueError."""
+    """Run a scenario in closed loop: 1 where a run fails a check or did not go as asked. Raises ValueError."""
     with own_folder(out, "--out"):
         known = Catalogue.read(effects)
         scenario = load_track_scenario(path, reference).knowing(known)
@@ -69,4 +69,4 @@ def track(
             write_files({out / "track.html": page_html(head, runs), out / "track.json": json_text(documents)})
     answer(json_output, documents, *lines_of_runs(head, runs, out and out / "track.html"))
     failed = any(not check["passed"] for run in runs for check in run.found["checks"])
-    return int(failed or any(run.trace.halted for run in runs))
+    return int(failed or any(run.found["ended"] != DONE for run in runs))

@@ -50,7 +50,7 @@ class Fitter:
         if not len(x):
             (r,) = own.residuals([x])
             return Fit(fixed, float(r @ r), len(r), np.zeros((len(r), 0)), r)
-        end = own._solver.descend(x, widths, rounds)
+        end = own._solver.minimum(x, widths, rounds)
         return Fit(own.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
     def far(self, starts: Sequence[Theta], enough: float = SET.near, seeds: int = SET.seeds) -> Fit:

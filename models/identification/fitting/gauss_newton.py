@@ -46,7 +46,7 @@ class GaussNewton:
     upper: Array
     scale: Array
 
-    def descend(self, start: Array, widths: Sequence[float], rounds: int) -> Slope:
+    def minimum(self, start: Array, widths: Sequence[float], rounds: int) -> Slope:
         """Gauss-Newton from `start` in at most so many rounds; never ends higher than it began. The derivatives are
         those of the last round. In each round the residuals are evaluated on both sides along directions whose effects
         are orthogonal and of equal size, a width times `SET.secant_rms` of the residuals' unit rms. Narrower jags

@@ -27,7 +27,7 @@ Progress = Callable[[str, float], None]
 @dataclass
 class Search:
     """The result of a search. `doubts`: each effect with the model and a rival that the records do not separate.
-    `ended` says why no further effect was sought (`_ended`).
+    `ended` says why no further effect was sought (`why_ended`).
     """
 
     calibrated: Fit
@@ -146,7 +146,7 @@ def _named(
     found.rounds = []
     while True:
         number = len(found.rounds) + 1
-        found.ended = _ended(kind, found, most)
+        found.ended = why_ended(kind, found, most)
         if found.ended:
             return model
 
@@ -164,8 +164,8 @@ def _named(
         found.rounds.append((number, screened, trials))
         found.note("fitting candidates")
         best = next((t for t in trials if np.mean(t.before - t.blocks) > SET.least_drop), None)
-        if best is None or best.gain <= _wanted(kind, found):
-            found.ended = "gain"
+        if best is None or best.gain <= _wanted(kind, found, float(best.blocks.mean()), _first_gain(kind, found)):
+            found.ended = "form" if best and best.gain > found.threshold else "gain"
             return model
         found.effects.append(best.effect)
         found.gains[best.effect] = best.gain
@@ -175,25 +175,32 @@ def _named(
         found.note("testing again")
 
 
-def _ended(kind: Kind, found: Search, most: int) -> str:
-    """Why no further effect is sought: what is left is chance, or so little beside what the effects explain that the
-    error of their form may be as large, or there are enough effects, or the time is over; "" where one is. The fifth
-    reason is that no candidate gains enough ("gain").
+def why_ended(kind: Kind, found: Search, most: int) -> str:
+    """Why no further effect is sought: what is left is chance, there are enough effects, or the time is over; "" where
+    one is. Then no candidate gains ("gain"), or none gains more than the error of the found forms may be ("form").
     """
-    if found.after < max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)):
+    if found.after < limit_of_chance(kind, found):
         return "chance"
-    if len(found.rounds) >= most:
+    if len(found.effects) >= most:
         return "most"
-    if time.monotonic() > found.ends_s:
-        return "time"
-    possible = float(np.log(found.after / found.null_cost)) if found.null_cost else np.inf  # a scale hides all noise
-    return "form" if found.effects and possible <= _wanted(kind, found) else ""
+    return "time" if time.monotonic() > found.ends_s else ""
 
 
-def _wanted(kind: Kind, found: Search) -> float:
-    """What a further effect has to gain."""
-    first = next((gain for name, gain in found.gains.items() if not kind.declared(name).exact), 0.0)
-    return max(found.threshold, kind.next_share * first)
+def limit_of_chance(kind: Kind, found: Search) -> float:
+    """The validation cost below which nothing is named: too near to what records without a missing effect leave."""
+    return float(max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)))
+
+
+def _wanted(kind: Kind, found: Search, cost: float, gain: float) -> float:
+    """What an effect has to gain that leaves `cost`, beside others that gain so much: more than chance; and more than
+    the error of their forms may be, where it does not explain all that they leave.
+    """
+    return found.threshold if cost < limit_of_chance(kind, found) else max(found.threshold, kind.next_share * gain)
+
+
+def _first_gain(kind: Kind, found: Search) -> float:
+    """What the first effect gained whose form may be inexact."""
+    return next((gain for name, gain in found.gains.items() if not kind.declared(name).exact), 0.0)
 
 
 def _test_again(model: FittedModel, found: Search) -> FittedModel:
@@ -207,7 +214,7 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
         best = min(fits, key=attrgetter("cost"))
         known = sum(found.gains[name] for name in rest if model.kind.declared(name).exact)
         rest_alone = max(float(np.log(found.before / best.cost)) - known, 0.0)
-        if np.log(best.cost / found.after) < max(found.threshold, model.kind.next_share * rest_alone):
+        if np.log(best.cost / found.after) < _wanted(model.kind, found, found.after, rest_alone):
             found.effects.remove(effect)
             found.dropped.append(effect)
             found.after, model = best.cost, best

@@ -31,7 +31,7 @@ def stacked(function: Callable[[Array], Array]) -> Callable[[Sequence[Array]], A
 def test_linear_least_squares_within_bounds(seed: int, half: float) -> None:
     rng = np.random.default_rng(seed)
     A, b = rng.standard_normal((30, 3)), 5 * rng.standard_normal(30)
-    found = valley(lambda x: A @ x - b, [-half] * 3, [half] * 3, [0.1] * 3).descend(np.zeros(3), [0.1], 30)
+    found = valley(lambda x: A @ x - b, [-half] * 3, [half] * 3, [0.1] * 3).minimum(np.zeros(3), [0.1], 30)
     assert found.cost == pytest.approx(2 * lsq_linear(A, b, (-half, half)).cost, rel=1e-3)
 
 
@@ -43,7 +43,7 @@ def test_never_ends_higher_than_it_began(start: list[float], secant: float, jag:
 
     x = np.array(start)
     inside = np.clip(x, -1 + 2e-9, 1 - 2e-9)
-    found = valley(rough, [-1.0] * 3, [1.0] * 3, [0.1] * 3).descend(inside, [secant], 6)
+    found = valley(rough, [-1.0] * 3, [1.0] * 3, [0.1] * 3).minimum(inside, [secant], 6)
     assert found.cost <= float(rough(inside) @ rough(inside))
     assert np.all(np.abs(found.x) <= 1)
 
@@ -58,14 +58,14 @@ def test_powers_of_time_under_quantisation() -> None:
 
     data = seen(true)
     ground = valley(lambda x: seen(x) - data, [-0.02, -3e-4, -5e-6], [0.03, 3e-4, 5e-6], [1e-3, 1e-6, 2e-8])
-    x = ground.descend(np.array([6e-3, 0.0, 0.0]), (0.3, 0.1), 24).x
+    x = ground.minimum(np.array([6e-3, 0.0, 0.0]), (0.3, 0.1), 24).x
     assert x == pytest.approx(true, rel=0.05)
 
 
 def test_a_parameter_that_starts_at_its_bound_leaves_it() -> None:
     t = np.linspace(0, 1, 200)
     data = 2.0 * t + 0.5
-    found = valley(lambda x: 100 * (x[0] * t + x[1] - data), [0.0, 0.0], [5.0, 5.0], [0.1, 0.1]).descend(
+    found = valley(lambda x: 100 * (x[0] * t + x[1] - data), [0.0, 0.0], [5.0, 5.0], [0.1, 0.1]).minimum(
         np.array([1e-8, 1e-8]), [0.3], 12
     )
     assert found.x == pytest.approx([2.0, 0.5], rel=1e-4)
@@ -73,7 +73,7 @@ def test_a_parameter_that_starts_at_its_bound_leaves_it() -> None:
 
 def test_a_parameter_without_effect_stays() -> None:
     t = np.linspace(0, 1, 50)
-    found = valley(lambda x: x[0] * t - t, [-9.0, -9.0], [9.0, 9.0], [0.1, 0.1]).descend(
+    found = valley(lambda x: x[0] * t - t, [-9.0, -9.0], [9.0, 9.0], [0.1, 0.1]).minimum(
         np.array([0.0, 3.0]), [0.1], 12
     )
     assert found.x[0] == pytest.approx(1.0, abs=1e-6)
@@ -92,7 +92,7 @@ def test_widths_give_way_where_a_width_no_longer_gains() -> None:
             return np.asarray(10 * A @ x + 2 * np.sin(30 * A @ x + phase))
 
         ground = valley(ripple, [-5.0] * 3, [5.0] * 3, [0.1] * 3)
-        ends = [ground.descend(np.array([1.0, -2.0, 1.5]), widths, 60) for widths in ([1.0, 0.03], [1.0], [0.03])]
+        ends = [ground.minimum(np.array([1.0, -2.0, 1.5]), widths, 60) for widths in ([1.0, 0.03], [1.0], [0.03])]
         costs.append([end.cost for end in ends])
     in_turn, wide, narrow = np.mean(costs, axis=0)
     assert in_turn < wide < 0.1 * narrow
@@ -108,7 +108,7 @@ def test_a_width_that_never_gains_costs_one_round() -> None:
         return np.array([[x[0], x[1], 1.0] for x in points])
 
     ends = np.ones(2)
-    found = GaussNewton(counted, -ends, ends, 0.1 * ends).descend(np.zeros(2), (0.3, 0.1, 0.03), 40)
+    found = GaussNewton(counted, -ends, ends, 0.1 * ends).minimum(np.zeros(2), (0.3, 0.1, 0.03), 40)
     assert rounds == 3
     assert found.x == pytest.approx([0.0, 0.0], abs=1e-9)
 
@@ -116,7 +116,7 @@ def test_a_width_that_never_gains_costs_one_round() -> None:
 def test_the_products_are_those_of_the_derivatives() -> None:
     rng = np.random.default_rng(4)
     A, b = rng.standard_normal((700, 4)), rng.standard_normal(700)
-    found = valley(lambda x: A @ x - b, [-9.0] * 4, [9.0] * 4, [0.1] * 4).descend(np.zeros(4), [0.1], 1)
+    found = valley(lambda x: A @ x - b, [-9.0] * 4, [9.0] * 4, [0.1] * 4).minimum(np.zeros(4), [0.1], 1)
     assert found.jacobian == pytest.approx(A, abs=1e-9)
     assert found.normal == pytest.approx(A.T @ A)
     assert found.gradient == pytest.approx(-A.T @ b)

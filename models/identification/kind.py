@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from models.effects import Catalogue
 from models.effects.effect import Effect
+from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.theta import Theta
@@ -37,8 +38,8 @@ class Kind(ABC):
 
     criteria: ClassVar[int] = 1
     judges: ClassVar[tuple[int, ...]] = (0,)
-    least_gain: ClassVar[float] = 0.05
-    next_share: ClassVar[float] = 0.05
+    least_gain: ClassVar[float] = SET.least_gain
+    next_share: ClassVar[float] = SET.next_share
     lanes: ClassVar[int] = 1
     base: tuple[Parameter, ...]
     effects: tuple[type[Effect], ...]

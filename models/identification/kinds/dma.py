@@ -38,7 +38,7 @@ class DmaKind(Kind):
     criteria: ClassVar[int] = 2
     final: ClassVar[int] = 1
     judges: ClassVar[tuple[int, ...]] = (1,)
-    next_share: ClassVar[float] = 0.3
+    next_share: ClassVar[float] = SET.table_next
     quantities: tuple[str, ...] = ("storage_modulus_Pa", "loss_modulus_Pa")
     quantity: str = listed(quantities)
     unit: str = "Pa"

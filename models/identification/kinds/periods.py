@@ -73,7 +73,7 @@ class PeriodsKind(Kind):
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: single_speed_effects())
     name: str = PERIODS.id
     catalogue: Catalogue = CATALOGUE
-    next_share: ClassVar[float] = 0.3
+    next_share: ClassVar[float] = SET.table_next
     quantities: tuple[str, ...] = ("period_s", "valley_N", "peak_N")
     quantity: str = listed(quantities)
     unit: str = "s, N, N"

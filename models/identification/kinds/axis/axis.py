@@ -70,7 +70,7 @@ class AxisKind(Kind):
     catalogue: Catalogue = CATALOGUE
     equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     lanes: ClassVar[int] = LANES
-    next_share: ClassVar[float] = 0.04
+    next_share: ClassVar[float] = SET.axis_next
     _known: dict[tuple[Any, ...], tuple[object, Any]] = field(default_factory=dict, repr=False, compare=False)
     _last: dict[int, tuple[tuple[Any, ...], Array]] = field(default_factory=dict, repr=False, compare=False)
 

@@ -45,8 +45,8 @@ class DrivenAxisKind(SeriesKind):
     follows: bool = True
     measure: str = "rms error of the free-running prediction"
     judges: ClassVar[tuple[int, ...]] = (0,)
-    next_share: ClassVar[float] = 0.04
-    least_gain: ClassVar[float] = 0.05
+    next_share: ClassVar[float] = SET.axis_next
+    least_gain: ClassVar[float] = SET.least_gain
     tail: ClassVar[float] = inf
 
     @classmethod

@@ -87,8 +87,8 @@ class SeriesKind(Kind):
     measure: str = "rms error of the free-running prediction, low-passed at 2 Hz"
     criteria: ClassVar[int] = 2  # the observer, and the free run
     judges: ClassVar[tuple[int, ...]] = (0, 1)  # under the observer, slip events out of step cost little
-    next_share: ClassVar[float] = 0.6
-    least_gain: ClassVar[float] = 0.4
+    next_share: ClassVar[float] = SET.series_next
+    least_gain: ClassVar[float] = SET.series_gain
     lanes: ClassVar[int] = LANES
     tail: ClassVar[float] = SET.tail
 

@@ -46,7 +46,7 @@ class Stribeck(Effect):
     grid = by_name(speed_m_s=(0.001, 0.003, 0.01))
     by_speed = True
     confounders = ("dwell_adhesion", "viscous_drag")
-    refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
+    refined_by = ("level_at_onset", "level_on_viscous", "level_at_creep", "level_over_speed")
 
     excess = number(0.0, "1", -0.8, 3.0, symbol="a")
     speed_m_s = number(0.003, "m/s", 0.0002, 0.05, symbol="v_s")
@@ -65,7 +65,7 @@ class DirectionalAsymmetry(Effect):
     needs = ("both_ways",)
     probe = 0.05
     confounders = ("incline_gravity", "sensor_bias")
-    refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
+    refined_by = ("level_at_onset", "level_on_viscous", "level_at_creep", "level_over_speed")
 
     asymmetry = number(0.0, "1", -0.9, 0.9, symbol="a")
 
@@ -83,7 +83,7 @@ class FoldPeriodic(Effect):
     grid = by_name(wavelength_m=tuple(0.003 * 1.13**k for k in range(14)), phase_rad=(0.0, 1.5707963))
     probe = 0.05
     confounders = ("lumen_taper", "peristaltic_wave")
-    refined_by = ("level_at_onset",)
+    refined_by = ("level_at_onset", "level_on_viscous")
 
     depth = number(0.0, "1", -0.9, 0.9, symbol="a")
     wavelength_m = number(0.008, "m", 0.002, 0.016, symbol="L")
@@ -112,7 +112,7 @@ class LumenTaper(Effect):
     grid = by_name(reach_m=(0.02, 0.2))
     probe = 2.0
     confounders = ("tissue_drying", "stenosis")
-    refined_by = ("level_at_onset",)
+    refined_by = ("level_at_onset", "level_on_viscous")
 
     slope_per_m = number(0.0, "1/m", -30.0, 30.0, symbol="g")
     bend_per_m2 = number(0.0, "1/m^2", -600.0, 600.0, symbol="b")
@@ -236,6 +236,7 @@ class LoadDependentFriction(Effect):
     kinds = frozenset({"axis", "friction"})
     needs = ("load",)
     confounders = ("directional_asymmetry", "lumen_taper", "adhesive_contact", "hertzian_contact", "load_force")
+    refined_by = ("level_on_viscous",)
 
     growth_per_load = number(0.0, "1/(N or N m)", -1e3, 1e3, symbol="c")
 
@@ -294,6 +295,7 @@ class Warming(Effect):
     grid = by_name(length_m=(0.3, 3.0))
     probe = 0.05
     confounders = ("load_force", "load_dependent_friction")
+    refined_by = ("level_on_viscous",)
 
     fall = number(0.0, "1", -2.0, 0.95, symbol="a")
     length_m = number(1.0, "m", 0.01, 100.0, symbol="L")

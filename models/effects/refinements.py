@@ -46,6 +46,23 @@ def _less(level: Value, share: Value) -> Value:
     return level - share * (level - 1)
 
 
+class LevelOnViscous(Effect):
+    """Effects change friction to lambda times the base's. With it the viscous friction of an axis is
+    `1 + (1 - k) (lambda - 1)` times the base's. k = 0: all of it follows; k = 1: dry friction alone, as under a load.
+    """
+
+    id = "level_on_viscous"
+    source = "Coulomb: dry friction follows the load; a film's drag follows its viscosity"
+    kinds = frozenset({"axis", "driven_axis"})
+    grid = by_name(kept=(1.0,))
+
+    kept = number(0.0, "1", -0.5, 1.5, spread=1.0, symbol="k_v")
+
+    def shared(self, p: Values, factors: Shares) -> Shares:
+        dry, viscous, rest = factors
+        return dry, _less(viscous, p["kept"]), rest
+
+
 class LevelAtCreep(Effect):
     """Scale `1 + (e + o sgn(v)) exp(-|v|/v_c)`, at rest with the last direction: in motion it comes with the speed."""
 

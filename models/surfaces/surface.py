@@ -116,6 +116,7 @@ _MOST = 1e9
 class Rail(Surface):
     """`M a = F_act - (F_v |v| + F_c) Sgn(v) - offset` of an axis along a line or about itself, with the `names` and
     `units` of inertia, viscous and Coulomb friction and offset: it rests while the other forces stay within friction.
+    The first two levels are factors on its dry and on its viscous friction.
     """
 
     names: tuple[str, str, str, str]
@@ -132,7 +133,7 @@ class Rail(Surface):
 
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
         _, viscous, coulomb, _ = (p[name] for name in self.names)
-        return (coulomb + viscous * speed) * levels[0], 0.0
+        return coulomb * levels[0] + viscous * speed * levels[1], 0.0
 
     def equations(self, p: Values) -> list[Line]:
         a, v, force = symbols("a v F_act")

@@ -72,10 +72,11 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
 
     moved(names[0], 0.8)
     trials = [Trial(name, fit, model.blocks) for name, fit in zip(names, model.each(near, names), strict=True)]
-    if kind.beginnings_s and min(trial.fitted.cost for trial in trials) > SET.near:
+    if min(trial.fitted.cost for trial in trials) > SET.near:
         moved(names[0], 0.9)
-        pairs = zip(trials, model.each(far, trials), strict=True)
-        trials = [replace(t, fitted=min(t.fitted, fit, key=attrgetter("cost"))) for t, fit in pairs]
+        if kind.beginnings_s:
+            pairs = zip(trials, model.each(far, trials), strict=True)
+            trials = [replace(t, fitted=min(t.fitted, fit, key=attrgetter("cost"))) for t, fit in pairs]
         unclear = [t for t in trials if shared_by(kind, t.effect, model.effects) and t.fitted.cost > SET.near]
         finer = model.each(lambda t: far(t, shared_by(kind, t.effect, model.effects)), unclear)
         shaped = dict(zip((t.effect for t in unclear), finer, strict=True))

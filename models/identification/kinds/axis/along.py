@@ -64,7 +64,8 @@ def _program(effects: tuple[type[Effect], ...], loads: tuple[str, ...]) -> tuple
         loads=dict(zip(loads, logged, strict=True)),
     )
     acting = Active.of(effects, _by_name(known, own), _by_name(named, z)).advance(replace(s, v=speed), h)
-    friction = (base[1] * s.v + base[2] * acting.passed("direction", s)) * acting.product("level", s)
+    dry, viscous, _ = acting.levels(s)
+    friction = base[1] * s.v * viscous + base[2] * acting.passed("direction", s) * dry
     force = acting.through("measured", s, base[0] * a + friction + base[3] - acting.total("force", s))
     after = ca.vertcat(*(acting.z[name] for name in named))
     step = ca.Function("row", [z, base, own, a, speed, h, *seen, *logged], [force, ca.SX(after)])

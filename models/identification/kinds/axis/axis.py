@@ -12,7 +12,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from models.checks.usable import used
-from models.effects import CATALOGUE, Catalogue
+from models.effects import CATALOGUE, REFINEMENTS, Catalogue
 from models.effects.effect import Effect, Signals
 from models.identification.kind import Array, Kind, Split, present
 from models.identification.kinds.axis.along import LANES, force_along, rows_of
@@ -52,11 +52,11 @@ class AxisKind(Kind):
     """The inverse dynamics of a stage from its measured position, filtered as the EMPS authors do, in a narrower `band`
     (Hz) where the position is noisier than theirs; also of an axis that turns, with angles, torques and inertia.
 
-    An effect's `level` multiplies the whole friction (Coulomb and viscous), its `force` acts on the stage along +x, its
-    `delay` is the time by which the position is read late. `force_std` and `position_std` are the noise before the
-    filter; without the first it is estimated from repeats of the motion, else from the white part of the force, and is
-    `usual_std` in a record that does not show it beside others that do. Rows at rest do not count, since friction there
-    takes any value up to its limit.
+    An effect's `level` multiplies the friction, of the viscous part as far as `level_on_viscous` has it; its `force`
+    acts on the stage along +x, its `delay` is the time by which the position is read late. `force_std` and
+    `position_std` are the noise before the filter; without the first it is estimated from repeats of the motion, else
+    from the white part of the force, and is `usual_std` in a record that does not show it beside others that do. Rows
+    at rest do not count, since friction there takes any value up to its limit.
     """
 
     base: tuple[Parameter, ...]
@@ -121,7 +121,7 @@ class AxisKind(Kind):
             even = evened(record, (c.position, c.velocity, *LOADS))
             forces = self._forces(even, thetas)
             return np.column_stack([np.interp(record["t_s"], even["t_s"], one) for one in forces.T])
-        models = [present(self.effects, theta) for theta in thetas]
+        models = [present((*self.effects, *REFINEMENTS), theta) for theta in thetas]
         effects = [type(e) for e, _ in models[0]]
         if any([type(e) for e, _ in one] != effects for one in models):
             return np.hstack([self._forces(record, [theta]) for theta in thetas])

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from models.effects import REFINEMENTS
 from models.effects.equation import LEFT, TORQUE, lines_of
 from models.formula import Formula, Line, equal, symbols
 from models.identification.finding import Alike
@@ -34,11 +35,13 @@ def equations(kind: AxisKind, theta: Theta) -> list[Line]:
     """The model, SI units: the base, then what each effect adds to it."""
     c = kind.coordinates
     inertia, viscous, coulomb, offset = (Formula.of(theta[name]) for name in c.base)
-    effects = [effect for effect in kind.effects if effect.id in theta.effects]
+    effects = [effect for effect in (*kind.effects, *REFINEMENTS) if effect.id in theta.effects]
     a, v, scale, force, torque = symbols("a v lambda F T")
     head, added = (torque, Formula(TORQUE)) if c.turns else (force, Formula(LEFT["force"][0]))
     friction = viscous * v + coulomb * np.sign(v)
-    if any(effect.answers("level") for effect in effects):
+    if any(effect.answers("shared") for effect in effects):
+        friction = Formula(LEFT["weight"][0]) * viscous * v + scale * coulomb * np.sign(v)
+    elif any(effect.answers("level") for effect in effects):
         friction = scale * friction
     total = inertia * a + friction + offset
     if any(effect.answers("force") for effect in effects):

@@ -37,6 +37,8 @@ def check_header(where: str, kind: RigKind, header: Sequence[str], with_measured
     shown, more = ", ".join(repr(name[:40]) for name in header[:8]), len(header) - 8
     got = f"{shown} and {more} more" if more > 0 else shown
     hint = _hint(missing, [name for name in header if name not in kind.known])
+    swinging = [one for one in missing if kind.stage and kind.drive is None and one in layout.measured]
+    hint += "".join(f"; one that swings freely has [rig] driven = {one!r}" for one in swinging)
     raise ValueError(f"{where}: header must have the column {wanted} (kind {kind.id}); got {got}{hint}")
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from models.files.units import factor, nearest_unit, split_unit, unit, unit_of
 from models.parameter import nearest
-from models.rigs.columns import TIME
+from models.rigs.columns import LOADS, TIME
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,8 @@ class MappedColumn:
         if self.scale is not None:
             return self.scale * (_factor(self.unit, self.target) if self.unit else 1.0)
         own = self.unit or stated or split_unit(self.column)[1]
-        return _factor(own, self.target) if self.unit or unit(own) else 1.0
+        as_logged = not self.unit and self.target in LOADS and not unit_of(self.target)  # in whichever unit
+        return 1.0 if as_logged or not (self.unit or unit(own)) else _factor(own, self.target)
 
     def table(self) -> dict[str, Any]:
         """The keys of its table in a rig file that are not left at their defaults."""

@@ -23,7 +23,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import groupby, pairwise
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final
 
@@ -126,23 +127,24 @@ def keep_rows(path: Path, seed: int, seconds: float, ended: Mapping[str, dict[st
 
 
 def isotonic(said: Sequence[Statement], series: int, date: str) -> ConfidenceMap:
-    """The map from score to the share that was right, never falling: pools of an isotonic regression, each of at least
-    `POOL` statements (k of n right: Laplace's (k + 1)/(n + 2)) and a knot at its mean score.
+    """The map from score to the share that was right, never falling: pools of an isotonic regression over the scores,
+    each of at least `POOL` statements (k of n right: Laplace's (k + 1)/(n + 2)) and a knot at its mean score.
     """
-    rows = sorted(said, key=lambda s: s.p)
-    fit = isotonic_regression([float(s.right) for s in rows])
+    ties = [list(same) for _, same in groupby(sorted(said, key=attrgetter("p")), key=attrgetter("p"))]
+    fit = isotonic_regression([_share(same) for same in ties], weights=[*map(len, ties)])
     pools: list[list[Statement]] = []
     for begin, end in pairwise(fit.blocks):
+        own = [one for same in ties[begin:end] for one in same]
         if pools and len(pools[-1]) < POOL:
-            pools[-1] += rows[begin:end]
+            pools[-1] += own
         else:
-            pools.append(list(rows[begin:end]))
+            pools.append(own)
     if len(pools) > 1 and len(pools[-1]) < POOL:
         last = pools.pop()
         pools[-1] += last
     score = [float(np.mean([s.p for s in pool])) for pool in pools]
     right = np.maximum.accumulate([(sum(s.right for s in pool) + 1) / (len(pool) + 2) for pool in pools])
-    return ConfidenceMap(series, len(rows), date, tuple(score), tuple(float(r) for r in right))
+    return ConfidenceMap(series, len(said), date, tuple(score), tuple(float(r) for r in right))
 
 
 def map_toml(fitted: ConfidenceMap) -> str:

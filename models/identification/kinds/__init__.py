@@ -77,7 +77,7 @@ def ready(record: Record, rig: Rig) -> Record:
         return treated(replace(even, treated=clean.treated), "resampled", n=len(clean))
 
 
-_BY_RECORD: Final = ("predict", "predictions", "residual", "stacked", "imitate", "extra_force")
+_BY_RECORD: Final = ("predict", "predictions", "residual", "stacked", "imitate", "extra_force", "of_force")
 
 
 def differing(kind: Kind, own: Mapping[str, Kind]) -> Kind:

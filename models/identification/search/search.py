@@ -193,9 +193,11 @@ def limit_of_chance(kind: Kind, found: Search) -> float:
 
 def _wanted(kind: Kind, found: Search, cost: float, gain: float) -> float:
     """What an effect has to gain that leaves `cost`, beside others that gain so much: more than chance; and more than
-    the error of their forms may be, where it does not explain all that they leave.
+    the error of their forms may be, unless they leave more than any known form does, and it explains all of that.
     """
-    return found.threshold if cost < limit_of_chance(kind, found) else max(found.threshold, kind.next_share * gain)
+    left = found.after - found.null_cost > SET.rival_form * (found.before - found.null_cost)
+    whole = left and cost < limit_of_chance(kind, found)
+    return found.threshold if whole else max(found.threshold, kind.next_share * gain)
 
 
 def _first_gain(kind: Kind, found: Search) -> float:
@@ -214,7 +216,8 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
         best = min(fits, key=attrgetter("cost"))
         known = sum(found.gains[name] for name in rest if model.kind.declared(name).exact)
         rest_alone = max(float(np.log(found.before / best.cost)) - known, 0.0)
-        if np.log(best.cost / found.after) < _wanted(model.kind, found, found.after, rest_alone):
+        without = replace(found, after=best.cost)
+        if np.log(best.cost / found.after) < _wanted(model.kind, without, found.after, rest_alone):
             found.effects.remove(effect)
             found.dropped.append(effect)
             found.after, model = best.cost, best

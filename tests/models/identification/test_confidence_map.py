@@ -80,3 +80,11 @@ def test_a_line_a_series_is_kept_once_and_belongs_to_its_draw(tmp_path: Path) ->
     assert kept["0001_pull_clean"]["effects"] == [effect]
     assert kept_rows(rows, 2, 45.0) == kept_rows(None, 2, 12.0) == {}
     assert len(rows.read_text(encoding="utf-8").splitlines()) == 3
+
+
+def test_equal_scores_have_one_knot() -> None:
+    """What was said first counts no more than what was said last."""
+    half = [Statement(0.5, k >= 10) for k in range(30)]
+    made = isotonic([*half, *(Statement(1.0, True) for _ in range(20))], 100, "")
+    assert made.score == (0.5, 1.0)
+    assert made.right == pytest.approx((21 / 32, 21 / 22))

@@ -69,6 +69,14 @@ def test_an_inner_mass_follows_late_readings_five_times_a_second() -> None:
     assert score(loop, trace).tracking_rmse_m < 6e-3
 
 
+def test_a_controller_that_is_often_taken_from_the_lead_is_refused() -> None:
+    """At 5 Hz, 200 ms late, the drive of a PID with friction stands at its limit and stops, a quarter of the time."""
+    loop = seen("magnetic", 5.0, 0.2)
+    model = believed_model(loop, Theta())
+    assert "pid_friction must lead 90 % of the ticks" in unfit(mission_of(loop), model, "pid_friction")
+    assert not unfit(mission_of(loop), model, "pid_friction_estimated")
+
+
 def test_a_good_localisation_is_not_blamed_for_what_fails_without_it() -> None:
     """On a model whose readings are late by themselves the PID swings, with 200 Hz as with 100 Hz."""
     loop = parse_track_scenario(scenario("magnetic", 200.0, 0.015))

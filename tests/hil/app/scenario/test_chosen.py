@@ -18,6 +18,7 @@ from controller.choice.trial import Mission
 from controller.model.control_model import ControlModel, control_model
 from hil.app.main import run
 from hil.app.scenario.chosen import Believed, Leading, chosen_of, leading_of, mission_of, names_of, worlds_of
+from hil.app.scenario.model_use import values_of
 from hil.app.scenario.scenario import TrackScenario, load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
@@ -107,7 +108,9 @@ def test_a_calibration_that_no_record_prefers_by_far_does_not_lead(tmp_path: Pat
     assert error_m(scenario, leading.values, leading.controller) < 0.5 * worst
 
 
-def test_a_barred_stage_is_no_candidate_and_the_reason_is_told(tmp_path: Path) -> None:
+def test_a_barred_stage_is_no_candidate_and_the_reason_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     scenario = replace(scenario_of(tmp_path, ""), duration_s=1.0)
     parts = Theta(effects={"stenosis": {"depth": 3.0, "centre_m": 0.0, "width_m": 0.01}})
     why = {"augmented": "stenosis.depth is at its bound."}
@@ -117,6 +120,9 @@ def test_a_barred_stage_is_no_candidate_and_the_reason_is_told(tmp_path: Path) -
     assert leading.chosen is not None
     assert "augmented must not lead: stenosis.depth is at its bound." in leading.chosen.why
     assert set(leading.chosen.expected) == {"nominal"}
+    assert values_of(Path("m.toml"), model, "augmented")[1] == "augmented"
+    said = " ".join(capsys.readouterr().err.split())
+    assert "m.toml: the augmented model must not lead as it is: stenosis.depth is at its bound." in said
 
 
 def test_worlds_are_what_the_records_leave_possible(tmp_path: Path) -> None:

@@ -63,6 +63,19 @@ def test_friction_falls_with_a_logged_temperature() -> None:
     assert finding.effects[0].parameters["fall_per_K"].value == pytest.approx(0.06, abs=0.03)
 
 
+def pressed(m: dict[str, Floats], rng: np.random.Generator, size: float) -> tuple[Floats, Floats, dict[str, Floats]]:
+    """Dry friction that grows with a logged load, a little less than in proportion; viscous friction does not."""
+    load = 30 + 25 * np.sin(0.7 * m["t"] + rng.uniform(0, 6))
+    return 3 * (1 + 0.03 * load**0.95) * np.sign(m["v"]), np.zeros(len(load)), {"load_1": load}
+
+
+def test_a_load_on_dry_friction_does_not_make_a_drag_of_the_viscous_one() -> None:
+    finding = closed(pressed)
+    assert [found.id for found in finding.effects] == ["load_dependent_friction"]
+    assert finding.calibration["viscous_friction_N_s_per_m"].value == pytest.approx(20, abs=1)
+    assert finding.calibration["coulomb_friction_N"].value == pytest.approx(3, abs=0.3)
+
+
 @pytest.mark.parametrize("column", ["pressure_bar", "load_1"])
 def test_an_input_that_cannot_be_used_is_left_out_with_a_note(column: str) -> None:
     m = motion(1)

@@ -39,7 +39,7 @@ def line(name: str, case: Case, report: dict[str, Any]) -> str:
     """The case's row of the table."""
     names = ", ".join("/".join((one["id"], *one["equivalent"])) for one in report["effects"]) or "-"
     floor = report["error"]["noise_floor"] or float("nan")
-    part = "holdout" if report["error"]["holdout"] else "train"
+    part = "train" if report["error"]["holdout"]["augmented"] is None else "holdout"
     steps = [report["error"][part][stage] / floor for stage in ("calibrated", "augmented")]
     failed = "; ".join(f"{c['id']} {c['value']:.3g} > {c['limit']:.3g}" for c in report["checks"] if not c["ok"]) or "-"
     mark = "right" if right(case, report) else "WRONG"

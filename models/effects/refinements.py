@@ -53,7 +53,7 @@ class LevelOnViscous(Effect):
 
     id = "level_on_viscous"
     source = "Coulomb: dry friction follows the load; a film's drag follows its viscosity"
-    kinds = frozenset({"axis", "driven_axis"})
+    kinds = frozenset({"axis"})
     grid = by_name(kept=(1.0,))
 
     kept = number(0.0, "1", -0.5, 1.5, spread=1.0, symbol="k_v")

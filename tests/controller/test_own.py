@@ -28,14 +28,14 @@ def own_file(folder: Path, old: str, new: str) -> Path:
     return path
 
 
-def tracked(capsys: pytest.CaptureFixture[str], folder: Path, file: Path) -> dict[str, object]:
-    """What `capsule track` says of two seconds under it."""
+def tracked(capsys: pytest.CaptureFixture[str], folder: Path, file: Path, status: int = 0) -> dict[str, object]:
+    """What `capsule track` says of two seconds under it, ended with this `status`."""
     text = (SCENARIOS / "track_magnetic_ramp.toml").read_text(encoding="utf-8")
     scenario = folder / "ramp.toml"
     head = text[: text.index("[checks")]
     scenario.write_text(head.replace("duration_s = 20.0", "duration_s = 4.0"), encoding="utf-8")
     asked = ["track", str(scenario), "--controllers", str(file), "--controller", "lead", "--json"]
-    assert run(asked) == 0
+    assert run(asked) == status
     return dict(json.loads(capsys.readouterr().out))
 
 
@@ -54,8 +54,9 @@ def test_it_leads_by_its_name_until_it_is_no_longer_asked_for(
 
 def test_a_pid_steps_in_for_one_that_raises(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = tracked(
-        capsys, tmp_path, own_file(tmp_path, "        ahead = ", "        raise KeyError\n        ahead = ")
+        capsys, tmp_path, own_file(tmp_path, "        ahead = ", "        raise KeyError\n        ahead = "), status=1
     )
+    assert str(found["ended"]).startswith("lead must lead 99 % of the ticks")
     assert found["hard_violations"] == 0
     assert isinstance(found["tracking_rmse_m"], float)
     assert found["tracking_rmse_m"] < 2e-3

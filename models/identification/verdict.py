@@ -78,7 +78,7 @@ def checks_of_rest(
             return tuple(check for left, null, name in rows for check in within(left, null, form, name))
 
         unseen = [check.ok for check in compared(first) if check.id.startswith("held_out")]
-        itself = (all(unseen) if unseen else not found.effects) and (bool(kind.beginnings_s) or not found.effects)
+        itself = all(unseen) and (not found.effects or bool(unseen and kind.beginnings_s))
         checks = compared(replace(first, validation=min(found.after, whole)) if itself else first)
         if all(check.ok for check in checks):
             break

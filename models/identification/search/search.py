@@ -164,7 +164,7 @@ def _named(
         found.rounds.append((number, screened, trials))
         found.note("fitting candidates")
         best = next((t for t in trials if np.mean(t.before - t.blocks) > SET.least_drop), None)
-        if best is None or best.gain <= _wanted(kind, found, float(best.blocks.mean()), _first_gain(kind, found)):
+        if best is None or best.gain <= _wanted(kind, found, found.after, best.blocks.mean(), _first_gain(kind, found)):
             found.ended = "form" if best and best.gain > found.threshold else "gain"
             return model
         found.effects.append(best.effect)
@@ -191,12 +191,13 @@ def limit_of_chance(kind: Kind, found: Search) -> float:
     return float(max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)))
 
 
-def _wanted(kind: Kind, found: Search, cost: float, gain: float) -> float:
-    """What an effect has to gain that leaves `cost`, beside others that gain so much: more than chance; and more than
-    the error of their forms may be, unless they leave more than any known form does, and it explains all of that.
+def _wanted(kind: Kind, found: Search, before: float, after: float, gain: float) -> float:
+    """What an effect has to gain that takes the cost from `before` to `after`, beside others that gain so much: more
+    than chance; and more than the error of their forms may be, unless they leave more than any known form does, and it
+    explains all of that.
     """
-    left = found.after - found.null_cost > SET.rival_form * (found.before - found.null_cost)
-    whole = left and cost < limit_of_chance(kind, found)
+    left = before - found.null_cost > SET.rival_form * (found.before - found.null_cost)
+    whole = left and after < limit_of_chance(kind, found)
     return found.threshold if whole else max(found.threshold, kind.next_share * gain)
 
 
@@ -216,8 +217,7 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
         best = min(fits, key=attrgetter("cost"))
         known = sum(found.gains[name] for name in rest if model.kind.declared(name).exact)
         rest_alone = max(float(np.log(found.before / best.cost)) - known, 0.0)
-        without = replace(found, after=best.cost)
-        if np.log(best.cost / found.after) < _wanted(model.kind, without, found.after, rest_alone):
+        if np.log(best.cost / found.after) < _wanted(model.kind, found, best.cost, found.after, rest_alone):
             found.effects.remove(effect)
             found.dropped.append(effect)
             found.after, model = best.cost, best

@@ -226,16 +226,18 @@ def setback_findings(
 
 
 def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str], refinements: Sequence[str] = ()) -> list[str]:
-    """Names of the fitted parameters at a bound, with those of `refinements`. A bound of 0, where a law ends or becomes
-    a simpler one, does not count, except for the size of an effect, which is then absent; nor does a bound that is the
-    declared value of a form.
+    """Names of the fitted parameters at a bound. A bound of 0, where a law ends or becomes a simpler one, does not
+    count, except for the size of an effect, which is then absent; nor does a bound that is the declared value of a
+    form, nor that of one of the `refinements` beyond which the fit gains less than a refinement must.
     """
     sizes = {(name, kind.declared(name).amplitude().name) for name in effects}
     found = []
-    for axis in axes(kind, [*effects, *refinements]):
+    for k, axis in enumerate(axes(kind, [*effects, *refinements])):
         p = axis.parameter
         plain = {0.0, p.value} if p.effect else {0.0}
         bounds = [bound for bound in (p.lower, p.upper) if axis.name in sizes or bound not in plain]
+        if p.effect in refinements and fit.gain_beyond(k) < SET.finer_gain:
+            continue
         if any(near(fit.theta[axis.name], bound, p) for bound in bounds):
             found.append(spelled(axis.name))
     return found

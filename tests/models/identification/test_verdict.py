@@ -9,7 +9,7 @@ from models.effects.effect import Effect
 from models.effects.force import Respiration, StressRelaxation
 from models.effects.friction import FoldPeriodic, Preconditioning, Stenosis, Stribeck, TissueDrying
 from models.identification.finding import Check, Fitted
-from models.identification.fitting.fit import Fit
+from models.identification.fitting.fit import Fit, axes
 from models.identification.kinds.axis.axis import AxisKind
 from models.identification.kinds.series.series import SeriesKind
 from models.identification.rehearsal import Left
@@ -139,15 +139,25 @@ def test_a_form_that_ends_as_it_is_declared_is_at_no_bound() -> None:
     assert stiff == ["carriage_backlash.order"]
 
 
-def test_a_curve_that_mends_a_shape_may_end_at_zero_and_at_no_other_bound() -> None:
+def test_a_curve_that_mends_a_shape_counts_at_a_bound_beyond_which_it_would_gain() -> None:
+    """A bound of zero and one at which the fit has come to rest do not; 1 % and 20 % of the cost lie beyond others."""
     pull = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
     curve = Theta.of({("level_at_onset", "kept"): 1.5, ("level_at_onset", "spared"): 0.0})
     theta = pull.nominal().with_(FoldPeriodic.id, FoldPeriodic.start()) | {("fold_periodic", "depth"): 0.3, **curve}
-    found = Search(fit(theta), fit(theta), effects=["fold_periodic"], refinements=["level_at_onset"], after=1.0)
-    depth = Theta.of({("fold_periodic", "depth"): Fitted(0.3, (0.2, 0.4))})
-    checks = checks_of_model(pull, found, depth, HELD, ())
-    assert next(check.value for check in checks if check.id == "bounds") == 1
-    assert at_bounds(pull, found.augmented, found.model) == ["level_at_onset.kept"]
+    names = [axis.name for axis in axes(pull, ["fold_periodic", "level_at_onset"])]
+    rows = np.random.default_rng(0).normal(size=(1000, len(names)))
+    rest = np.linalg.qr(np.column_stack([rows, np.ones(1000)]))[0]
+    away = rest[:, :-1] @ np.linalg.inv(rest[:, :-1].T @ rows).T  # away[:, k] moves with the k-th column alone
+    kept = away[:, names.index(("level_at_onset", "kept"))]
+    for share in (0.0, 0.01, 0.2):
+        residual = np.sqrt(share) * kept / np.linalg.norm(kept) + np.sqrt(1 - share) * rest[:, -1]
+        last = Fit(theta, 1000.0, 1000, rows, np.sqrt(1000.0) * residual)
+        found = Search(fit(theta), last, effects=["fold_periodic"], refinements=["level_at_onset"], after=1.0)
+        depth = Theta.of({("fold_periodic", "depth"): Fitted(0.3, (0.2, 0.4))})
+        checks = checks_of_model(pull, found, depth, HELD, ())
+        counted = ["level_at_onset.kept"] if share > 0.1 else []
+        assert at_bounds(pull, last, found.effects, found.refinements) == counted
+        assert next(check.value for check in checks if check.id == "bounds") == len(counted)
 
 
 def test_a_stage_that_errs_more_on_held_out_records_than_one_before_it_is_told() -> None:

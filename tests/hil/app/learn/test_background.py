@@ -64,7 +64,7 @@ def test_killed_while_it_answers(learner: Background) -> None:
     future = learner(QUESTION)
     time.sleep(0.3)
     assert not future.done()
-    hit(learner, signal.SIGKILL)
+    os.kill(process_of(learner).pid, signal.SIGKILL)  # the learner's thread alone waits for it
     found = future.result(LONGEST_S)
     assert (found.passed, found.searched) == (False, False)
     assert found.sentence == "the learner's process was killed (SIGKILL)"
@@ -97,10 +97,9 @@ def test_one_that_cannot_be_started_again(learner: Background, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("asks", [False, True])
-def test_a_stopped_one_ends_with_the_run(asks: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stopped_one_ends_with_the_run(asks: bool) -> None:
     """Within the bound, whether it was asked or not; also where the question is longer than the pipe."""
-    monkeypatch.setattr(module, "_SPAWN", SERVER)
-    learner = Background()
+    learner = Background()  # not forked from a server, which tells how a process ended once, to one of two that wait
     learner.begin()
     process = process_of(learner)
     hit(learner, signal.SIGSTOP)

@@ -194,8 +194,10 @@ def judge(
     rest, floor = verdict.checks_of_rest(kind, found, train, holdout, rng), kind.noise_floor(holdout or train)
     worse, last = verdict.setbacks(error, floor, kind.error_unit), "augmented" if found.effects else "calibrated"
     said = {stage: sentence for stage, sentence in worse.items() if found.effects or stage != "augmented"}
-    fits = {"calibrated": (found.calibrated, []), "augmented": (fit, found.effects, found.refinements)}
-    bounds = {stage: verdict.at_bounds(kind, *one) for stage, one in fits.items()}
+    bounds = {
+        "calibrated": verdict.at_bounds(kind, found.calibrated, []),
+        "augmented": verdict.at_bounds(kind, fit, found.effects, found.refinements),
+    }
     beyond = any(check.id == "held_out" and not check.ok for check in rest)
     findings = (*verdict.setback_findings(said, holdout, bounds, last if beyond else None), *prepared.findings)
     periods = verdict.periods_of(kind, found.effects, fit.theta, train)

@@ -1,5 +1,6 @@
 """A found model as an FMU: its step written out in C by CasADi, its parameters FMI parameters."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -17,17 +18,22 @@ _STATES: Final = {"x": "capsule_position_m", "v": "velocity_m_s", "u": "wall_dis
 
 
 def model_unit(name: str, found: Found) -> FmuUnit:
-    """The FMU of a found model, at rest; a magnet's capsule below its magnet, a pull's where the pull begins."""
+    """The FMU of a found model, at rest; a magnet's capsule below its magnet, a pull's where the pull begins, an axis
+    where and as fast as its parameters say.
+    """
     assembly, drive = found.assembled(), found.drive
     values = found.numbers
     shown = {name: state for state, name in _STATES.items() if state != "u" or found.surface.dragged}
+    starts: dict[str, str] = {}
     if drive.launched:
-        shown = {f"velocity_{unit_at_end(drive.measured)[1]}_s": "v"}
-    command = TEXT("command", held=TEXT("held" if drive.held else "reached"))
+        speed = f"velocity_{unit_at_end(drive.measured)[1]}_s"
+        shown, starts = {speed: "v"}, {f"start_{drive.measured}": "x", f"start_{speed}": "v"}
+    command = TEXT("command", held=TEXT("held" if drive.stepped else "reached"))
     variables = [
         Variable(drive.commanded, "input", _unit(drive.commanded), command),
         Variable(drive.measured, "output", _unit(drive.measured), TEXT("measured")),
         *(Variable(name, "output", _unit(name), TEXT(f"state.{state}")) for name, state in shown.items()),
+        *(Variable(name, "parameter", _unit(name), TEXT(f"start.{state}")) for name, state in starts.items()),
         *(
             Variable(spelled(p.key), "parameter", p.unit or "1", p.source or spelled(p.key), values[p.key])
             for p in assembly.parameters
@@ -35,14 +41,23 @@ def model_unit(name: str, found: Found) -> FmuUnit:
     ]
     step = internal_step(drive, drive.imposed and "string_compliance" not in {e.id for e in found.effects})
     about = TEXT("model", stage=found.stage, kind=found.rig.kind)
-    return FmuUnit(name, about, variables, _header(found, assembly, variables, shown, step), _CORE, step, 20.0, 2e-3)
+    return FmuUnit(
+        name, about, variables, _header(found, assembly, variables, shown, starts, step), _CORE, step, 20.0, 2e-3
+    )
 
 
 def _unit(column: str) -> str:
     return unit_at_end(column)[1] or "1"
 
 
-def _header(found: Found, assembly: Assembly, variables: list[Variable], shown: dict[str, str], step: float) -> str:
+def _header(
+    found: Found,
+    assembly: Assembly,
+    variables: list[Variable],
+    shown: Mapping[str, str],
+    starts: Mapping[str, str],
+    step: float,
+) -> str:
     function, drive = assembly.step, found.drive
     generator = ca.CodeGenerator("step.c")
     generator.add(function)
@@ -54,10 +69,12 @@ def _header(found: Found, assembly: Assembly, variables: list[Variable], shown: 
         "CASADI_SYMBOL_EXPORT": "static",
         "INPUT": 1,
         "OUTPUT": 2,
-        "PARAMETERS_FROM": 1 + len(variables) - len(assembly.parameters),
+        "PARAMETERS_FROM": 1 + len(variables) - len(assembly.parameters) - len(starts),
+        "STARTS": len(starts),
         "STATES": len(assembly.states),
         "STEP_S": step.hex(),
-        "HELD": int(drive.held),
+        "HELD": int(drive.stepped),
+        "OFF_BEFORE": int(drive.held),
         "ARGUMENTS": max(int(function.sz_arg()), 1),
         "RESULTS": max(int(function.sz_res()), 1),
         "WORK": max(int(function.sz_w()), 1),

@@ -12,6 +12,7 @@ from hil.app.scenario.rig_file import read_deployed_rig
 from models.assembly.effects import Active
 from models.assembly.model import Assembly, assemble
 from models.assembly.step import Stepper
+from models.drives.axis_force import AxisForce
 from models.drives.drive import Drive
 from models.effects import CATALOGUE, Catalogue
 from models.effects.effect import Effect, Signals
@@ -67,10 +68,13 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "", catalogue: 
         raise ValueError(f"{rig}: rig.kind must be one of {able} to be exported; got {belief.kind!r}")
     learned = read_model(model, belief.kind, catalogue=catalogue)
     values = learned.stages[stage]
+    commanded = bool(belief.driven)
     belief = freely(belief, turns=TURN.names[0] in values)
     known = kind_for(belief, []).catalogue
-    effects = tuple(known[name] for name in sorted(values.effects))
-    found = Found(belief, surface_of(belief), drive_of(belief, driven), effects, values, stage, learned.validity)
+    effects, drive = tuple(known[name] for name in sorted(values.effects)), drive_of(belief, driven)
+    if isinstance(drive, AxisForce) and not commanded:
+        drive = replace(drive, holds=False)
+    found = Found(belief, surface_of(belief), drive, effects, values, stage, learned.validity)
     _check(found, learned, model)
     return found
 

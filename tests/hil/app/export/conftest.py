@@ -1,6 +1,6 @@
 """Small scenarios and models to export, and a program that plays an FMU."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -51,13 +51,20 @@ def folder_with(tmp_path: Path) -> Callable[..., Path]:
     return made
 
 
-def played(path: Path, commands: Sequence[float], step_s: float, first: float = 0.0) -> dict[str, np.ndarray]:
+def played(
+    path: Path,
+    commands: Sequence[float],
+    step_s: float,
+    first: float = 0.0,
+    parameters: Mapping[str, float] | None = None,
+) -> dict[str, np.ndarray]:
     """All outputs of the FMU at the start and after each step, one of `commands` set before each."""
     fmpy = pytest.importorskip("fmpy")
     from fmpy.fmi3 import FMU3Slave
 
     told, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path))
     references = {v.name: v.valueReference for v in told.modelVariables if v.causality == "output"}
+    settable = {v.name: v.valueReference for v in told.modelVariables if v.causality == "parameter"}
     command = next(v.valueReference for v in told.modelVariables if v.causality == "input")
     unit = FMU3Slave(
         guid=told.guid,
@@ -66,6 +73,8 @@ def played(path: Path, commands: Sequence[float], step_s: float, first: float = 
         instanceName="played",
     )
     unit.instantiate()
+    for name, value in (parameters or {}).items():
+        unit.setFloat64([settable[name]], [value])
     unit.enterInitializationMode()
     unit.setFloat64([command], [first])
     unit.exitInitializationMode()

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
+from models.effects import CATALOGUE
+from models.identification.kinds.axis.driven import DrivenAxisKind
+from models.identification.kinds.series.simulation import LAUNCH
 from models.identification.model import Model
-from models.records.record import record_of
-from models.rigs.kinds import drive_of, surface_of
+from models.records.record import Record, record_of
+from models.rigs.kinds import drive_of, freely, surface_of
 from models.rigs.reader import read_rig
 from models.theta import Theta
 from plant import layout as at
@@ -130,6 +133,29 @@ def test_found_model_of_a_free_body_predicts_as_here(driven: str, tmp_path: Path
     there = played(tmp_path / "m.fmu", command[1:], step_s)["position_m"]
     assert np.ptp(here) > 1e-3
     np.testing.assert_allclose(there, here, rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize("commanded", [True, False])
+def test_found_model_of_an_axis_starts_where_it_is_told_and_predicts_as_here(commanded: bool, tmp_path: Path) -> None:
+    """A command holds until the next sample, a measured force changes linearly."""
+    driven = 'driven = "force_N"\n' if commanded else ""
+    (tmp_path / "rig.toml").write_text(f'[rig]\nkind = "axis"\n{driven}')
+    base = {"mass_kg": 95.0, "viscous_friction_N_s_per_m": 200.0, "coulomb_friction_N": 20.0, "offset_N": -3.0}
+    effects = {"stribeck": {**CATALOGUE["stribeck"].start(), "excess": 0.5, "speed_m_s": 0.02}}
+    values = Theta(base, effects=effects)
+    model = Model("axis", dict.fromkeys(("nominal", "calibrated", "augmented"), values))
+    (tmp_path / "model.toml").write_text(model.to_toml())
+    files = ["--model", str(tmp_path / "model.toml"), "--rig", str(tmp_path / "rig.toml")]
+    assert run(["export", "fmu", *files, "--out", str(tmp_path / "m.fmu")]) == 0
+    t = 1e-3 * np.arange(6001)
+    force = 45.0 * np.sin(2 * np.pi * 0.8 * t) + 12.0 * np.sin(2 * np.pi * 3.1 * t)
+    columns = {"t_s": t, "force_N": force, LAUNCH[0]: np.full_like(t, 0.05), LAUNCH[1]: np.full_like(t, 0.02)}
+    kind = DrivenAxisKind.from_rig(freely(read_rig(tmp_path / "rig.toml")), [], holds=commanded)
+    here = kind.predict(Record("made", "driven_axis", columns), values)
+    starts = {"start_position_m": 0.05, "start_velocity_m_s": 0.02}
+    there = played(tmp_path / "m.fmu", force[:-1] if commanded else force[1:], 1e-3, force[0], starts)["position_m"]
+    assert np.ptp(here) > 5e-3
+    np.testing.assert_allclose(there, here, rtol=0, atol=1e-7)
 
 
 def test_parameters_may_be_set_and_states_kept(folder_with: Callable[..., Path]) -> None:

@@ -91,13 +91,24 @@ class Fitter:
                 break
         return best
 
-    def _likely(self, fit: Fit, seed: int) -> list[Theta]:
-        """Points around a `fit` in the directions that it knows least: to first order each costs a tenth more."""
+    def allowed(self, fit: Fit) -> list[Theta]:
+        """The `fit`, and points around it that cost at most a tenth more."""
+        points = self._likely(fit, 0, within=True) if fit.jacobian.any() else []
+        most = (1 + SET.beside) * fit.cost
+        return [fit.theta, *(point for point, cost in zip(points, self.costs(points), strict=True) if cost <= most)]
+
+    def _likely(self, fit: Fit, seed: int, within: bool = False) -> list[Theta]:
+        """Points around a `fit` in the directions that it knows least: to first order each costs a tenth more, `within`
+        at most that.
+        """
         squares, vectors = np.linalg.eigh(fit.jacobian.T @ fit.jacobian)
         reach = np.sqrt(SET.beside * fit.cost / np.maximum(squares, SET.tiny * squares[-1]))
-        draws = np.random.default_rng(seed).standard_normal((SET.near_by, len(squares)))
+        rng = np.random.default_rng(seed)
+        draws = rng.standard_normal((SET.near_by, len(squares)))
         own, x = replace(self, fixed=fit.theta), self.at(fit.theta)
         steps = (draws / np.linalg.norm(draws, axis=1, keepdims=True) * reach) @ vectors.T
+        if within:
+            steps *= rng.random((SET.near_by, 1))
         return [own.theta(self._solver.clip(x + step)) for step in steps]
 
     def plain(self) -> Fitter:

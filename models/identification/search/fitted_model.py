@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from models.identification.fitting.fit import judged
+from models.identification.fitting.fit import judged, judged_cost
 from models.identification.fitting.fitter import Fitter
 from models.identification.kind import Array, Kind, Split
 from models.identification.settings import SET
@@ -22,12 +22,16 @@ _Item = TypeVar("_Item")
 
 @dataclass(frozen=True)
 class FittedModel:
-    """The model of `kind` with `effects`, fitted to the training part of each of `splits`: `thetas`, one a split."""
+    """The model of `kind` with `effects`, fitted to the training part of each of `splits`: `thetas`, one a split. Where
+    `allowed`, a fit is that point of those that its training part allows which predicts the held one best: with stick
+    and slip, a base that is as far off as the noise leaves it shifts every later slip event.
+    """
 
     kind: Kind
     splits: Sequence[Split]
     effects: tuple[str, ...] = ()
     thetas: tuple[Theta, ...] = ()
+    allowed: bool = False
 
     def fitted(self, thetas: Iterable[Theta], effects: Sequence[str] | None = None) -> FittedModel:
         """The same model with other fits; with other effects where given."""
@@ -42,9 +46,15 @@ class FittedModel:
     ) -> FittedModel:
         """The same from anywhere, several starts a split."""
         chosen = self.effects if effects is None else tuple(effects)
-        pairs = zip(self.splits, starts, strict=True)
-        fits = (Fitter.of(self.kind, part, chosen).far(some, seeds=seeds) for (part, _), some in pairs)
-        return self.fitted((fit.theta for fit in fits), chosen)
+        found = list[Theta]()
+        for (part, held), some in zip(self.splits, starts, strict=True):
+            fitter = Fitter.of(self.kind, part, chosen)
+            fit = fitter.far(some, seeds=seeds)
+            likely = fitter.allowed(fit) if self.allowed else [fit.theta]
+            found.append(
+                min(likely, key=lambda theta: judged_cost(self.kind, held, theta)) if likely[1:] else fit.theta
+            )
+        return self.fitted(found, chosen)
 
     def each(self, fit: Callable[[_Item], FittedModel], items: Sequence[_Item]) -> list[FittedModel]:
         """`fit` of every item, side by side; only values come back, for a kind and its records stay where they are."""

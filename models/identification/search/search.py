@@ -26,8 +26,9 @@ Progress = Callable[[str, float], None]
 
 @dataclass
 class Search:
-    """The result of a search. `doubts`: each effect with the model and a rival that the records do not separate.
-    `ended` says why no further effect was sought (`why_ended`).
+    """The result of a search. `gains` and `powers`: how far each effect lowered the validation cost when it was added,
+    as a logarithm and as a difference. `doubts`: each effect with the model and a rival that the records do not
+    separate. `ended` says why no further effect was sought (`why_ended`).
     """
 
     calibrated: Fit
@@ -36,6 +37,7 @@ class Search:
     dropped: list[str] = field(default_factory=list)
     refinements: list[str] = field(default_factory=list)
     gains: dict[str, float] = field(default_factory=dict)
+    powers: dict[str, float] = field(default_factory=dict)
     equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
     doubts: list[tuple[str, FittedModel, Rival]] = field(default_factory=list)
     score: dict[str, float] = field(default_factory=dict)
@@ -92,6 +94,11 @@ def search(
             splits = [(prefixes(part, found.horizon_s), prefixes(held, found.horizon_s)) for part, held in splits]
             shorter = replace(calibrated, splits=splits).far([base.theta] for _ in splits)
             model = _named(shorter, found, on_all, progress, rng, most)
+        elif any(t.model.training_cost < np.exp(-found.threshold) * calibrated.training_cost for t in trials):
+            again = replace(calibrated, allowed=True).near(calibrated.thetas)
+            fits = again.each(lambda t: again.near(t.fitted.thetas, t.fitted.effects), trials)
+            trials = [replace(t, fitted=fit, before=again.blocks) for t, fit in zip(trials, fits, strict=True)]
+            model = _named(again, found, on_all, progress, rng, most, trials)
     if found.effects:
         model, found.known = refined(model)
         found.refinements = [name for name in model.effects if name not in found.effects]
@@ -129,12 +136,18 @@ def _finish(model: FittedModel, found: Search, train: Sequence[Record]) -> None:
 
 
 def _named(
-    model: FittedModel, found: Search, on_all: float, progress: Progress, rng: np.random.Generator, most: int
+    model: FittedModel,
+    found: Search,
+    on_all: float,
+    progress: Progress,
+    rng: np.random.Generator,
+    most: int,
+    known: Sequence[Trial] = (),
 ) -> FittedModel:
     """Effects added to `found` one at a time while validation records gain beyond what the null distribution gives;
     `model`, the calibrated base, with them. `found.ended` says why no more were sought. None is where the base fitted
     to all records costs no more than chance `on_all` of them, whatever fits to a part cost elsewhere: a slip event that
-    these miss is no effect.
+    these miss is no effect. The first round compares the trials that are `known`, if any.
     """
     kind = model.kind
     progress("simulating what noise alone would show", 0.15)
@@ -157,18 +170,23 @@ def _named(
         progress(f"looking for effects in the residual, round {number}", 0.05 + 0.15 * number)
         screened = screen(kind, model.part, [*model.effects], model.thetas[0], found.dropped)
         found.note("screening")
-        trials, model = fair(model, compare_candidates(model, screened, moved))
+        trials = [*known] if number == 1 and known else compare_candidates(model, screened, moved)
+        trials, model = fair(model, trials)
         found.after = model.cost
         if not found.effects:
             found.before = found.after
         found.rounds.append((number, screened, trials))
         found.note("fitting candidates")
-        best = next((t for t in trials if np.mean(t.before - t.blocks) > SET.least_drop), None)
-        if best is None or best.gain <= _wanted(kind, found, found.after, best.blocks.mean(), _first_gain(kind, found)):
-            found.ended = "form" if best and best.gain > found.threshold else "gain"
+        gain = _first_gain(kind, found)
+        able = [t for t in trials if np.mean(t.before - t.blocks) > SET.least_drop]
+        wanted = (_wanted(kind, found, t.effect, found.after, t.blocks.mean(), gain) for t in able)
+        best = next((t for t, least in zip(able, wanted, strict=True) if t.gain > least), None)
+        if best is None:
+            found.ended = "form" if able and able[0].gain > found.threshold else "gain"
             return model
         found.effects.append(best.effect)
         found.gains[best.effect] = best.gain
+        found.powers[best.effect] = found.after - best.blocks.mean()
         model = best.model.far([theta] for theta in best.model.thetas)
         found.after = min(float(best.blocks.mean()), model.cost)
         model = _test_again(model, found)
@@ -191,11 +209,15 @@ def limit_of_chance(kind: Kind, found: Search) -> float:
     return float(max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)))
 
 
-def _wanted(kind: Kind, found: Search, before: float, after: float, gain: float) -> float:
-    """What an effect has to gain that takes the cost from `before` to `after`, beside others that gain so much: more
+def _wanted(kind: Kind, found: Search, effect: str, before: float, after: float, gain: float) -> float:
+    """What an `effect` has to gain that takes the cost from `before` to `after`, beside others that gain so much: more
     than chance; and more than the error of their forms may be, unless they leave more than any known form does, and it
-    explains all of that.
+    explains all of that. Nothing is enough where the error of forms that look like it may be all that is left.
     """
+    inexact = [kind.declared(name) for name in found.effects if name != effect and not kind.declared(name).exact]
+    alike = sum(found.powers[one.id] for one in inexact if one.looks_like(kind.declared(effect)))
+    if before - found.null_cost < SET.rival_form * alike:
+        return np.inf
     left = before - found.null_cost > SET.rival_form * (found.before - found.null_cost)
     whole = left and after < limit_of_chance(kind, found)
     return found.threshold if whole else max(found.threshold, kind.next_share * gain)
@@ -217,7 +239,7 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
         best = min(fits, key=attrgetter("cost"))
         known = sum(found.gains[name] for name in rest if model.kind.declared(name).exact)
         rest_alone = max(float(np.log(found.before / best.cost)) - known, 0.0)
-        if np.log(best.cost / found.after) < _wanted(model.kind, found, best.cost, found.after, rest_alone):
+        if np.log(best.cost / found.after) < _wanted(model.kind, found, effect, best.cost, found.after, rest_alone):
             found.effects.remove(effect)
             found.dropped.append(effect)
             found.after, model = best.cost, best

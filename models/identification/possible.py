@@ -31,6 +31,9 @@ from models.workers import each
 
 TEXT: Final = Sentences(__file__)
 
+_RESIDUAL: Final = ("residual_size", "validation", "held_out")
+"""The checks on how much a model leaves."""
+
 
 def choice_of(
     prepared: Prepared, found: Search, predicted: Predicted, judged: Judged, train: Sequence[Record], seed: int
@@ -46,6 +49,8 @@ def choice_of(
     able = [*([] if STAGES[-1] in not_to_lead else [predicted.thetas[STAGES[-1]]]), *members.values()]
     mean = {CLASS: mean_of(prepared.kind, able)} if len(able) > 1 else {}
     possible = {**members, **mean, **dict(_draws(prepared, found, seed))}
+    if not found.effects and STAGES[-1] in not_to_lead:  # nor is a fit that must not lead what the rig may be
+        excluded |= dict.fromkeys((*STAGES[1:], *possible), not_to_lead[STAGES[-1]])
     worlds = {**predicted.thetas, **possible}
     left = {name: left_by(prepared.kind, train, theta) for name, theta in worlds.items() if name not in excluded}
     return Choice(possible, not_to_lead, excluded, {name: push for name, push in left.items() if push})
@@ -150,8 +155,12 @@ def _memory(signal: Array) -> int:
 
 
 def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
-    """Why a stage must not lead: a parameter stands at its bound, or it errs more held out than an earlier one."""
+    """Why a stage must not lead: a parameter stands at its bound, it errs more held out than an earlier one, or it
+    makes up for what a search did not find.
+    """
     said = dict(judged.worse)
+    if judged.verdict == "unknown" and not found.effects and any(c.id in _RESIDUAL and not c.ok for c in judged.checks):
+        said |= dict.fromkeys(STAGES[1:], TEXT("absorbs"))
     calibrated = at_bounds(prepared.kind, found.calibrated, [])
     last = (
         at_bounds(prepared.kind, found.augmented, found.effects, found.refinements)

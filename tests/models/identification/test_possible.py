@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from models.identification import Model
-from models.identification.finding import STAGES
+from models.identification.finding import STAGES, Check
 from models.identification.fitting.fit import judged_cost
 from models.identification.fitting.fitter import Fitter
 from models.identification.kinds import kind_for
@@ -154,8 +154,9 @@ def test_where_no_friction_moves_a_run_no_force_is_lacking() -> None:
     assert left_by(replace(kind, noise_std=1e-6), [record], kind.nominal()) == {}
 
 
-def judged(verdict: str, worse: dict[str, str]) -> Judged:
-    return Judged(verdict, (), (), {}, 0.0, worse)
+def judged(verdict: str, worse: dict[str, str], failing: str = "") -> Judged:
+    checks = (Check(failing, "", 2.0, 1.0, False, ""),) if failing else ()
+    return Judged(verdict, checks, (), {}, 0.0, worse)
 
 
 @pytest.mark.parametrize(
@@ -176,6 +177,27 @@ def test_what_must_not_lead(
     at_end = {friction.name: friction.upper}
     ends = {stage: values | (at_end if stage == bound else {}) for stage, values in model.stages.items()}
     fits: dict[str, Any] = {stage: SimpleNamespace(theta=values) for stage, values in ends.items()}
-    found: Any = SimpleNamespace(calibrated=fits["calibrated"], augmented=fits["augmented"], model=["sensor_delay"])
+    found: Any = SimpleNamespace(
+        calibrated=fits["calibrated"], augmented=fits["augmented"], effects=["sensor_delay"], refinements=[]
+    )
     prepared: Any = SimpleNamespace(kind=kind)
     assert set(barred(prepared, found, judged(verdict, worse))) == stages
+
+
+@pytest.mark.parametrize(
+    ("verdict", "effects", "failing", "stages"),
+    [
+        ("unknown", [], "residual_size", {"calibrated", "augmented"}),
+        ("unknown", [], "held_out", {"calibrated", "augmented"}),
+        ("unknown", [], "records", set()),
+        ("unknown", ["sensor_delay"], "residual_size", set()),
+        ("none", [], "", set()),
+    ],
+)
+def test_a_fit_that_makes_up_for_what_was_not_found_must_not_lead(
+    verdict: str, effects: list[str], failing: str, stages: set[str], model: Model, rig: Rig, record: Record
+) -> None:
+    fit: Any = SimpleNamespace(theta=model.stages["augmented" if effects else "calibrated"])
+    found: Any = SimpleNamespace(calibrated=fit, augmented=fit, effects=effects, refinements=[])
+    prepared: Any = SimpleNamespace(kind=kind_for(rig, [record]))
+    assert set(barred(prepared, found, judged(verdict, {}, failing))) == stages

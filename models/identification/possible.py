@@ -31,9 +31,6 @@ from models.workers import each
 
 TEXT: Final = Sentences(__file__)
 
-_RESIDUAL: Final = ("residual_size", "validation", "held_out")
-"""The checks on how much a model leaves."""
-
 
 def choice_of(
     prepared: Prepared, found: Search, predicted: Predicted, judged: Judged, train: Sequence[Record], seed: int
@@ -49,8 +46,9 @@ def choice_of(
     able = [*([] if STAGES[-1] in not_to_lead else [predicted.thetas[STAGES[-1]]]), *members.values()]
     mean = {CLASS: mean_of(prepared.kind, able)} if len(able) > 1 else {}
     possible = {**members, **mean, **dict(_draws(prepared, found, seed))}
-    if not found.effects and STAGES[-1] in not_to_lead:  # nor is a fit that must not lead what the rig may be
-        excluded |= dict.fromkeys((*STAGES[1:], *possible), not_to_lead[STAGES[-1]])
+    if absorbs(judged, found, errors):
+        not_to_lead |= dict.fromkeys(STAGES[1:], TEXT("absorbs"))
+        excluded |= dict.fromkeys((*STAGES[1:], *possible), TEXT("absorbs"))
     worlds = {**predicted.thetas, **possible}
     left = {name: left_by(prepared.kind, train, theta) for name, theta in worlds.items() if name not in excluded}
     return Choice(possible, not_to_lead, excluded, {name: push for name, push in left.items() if push})
@@ -155,12 +153,8 @@ def _memory(signal: Array) -> int:
 
 
 def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
-    """Why a stage must not lead: a parameter stands at its bound, it errs more held out than an earlier one, or it
-    makes up for what a search did not find.
-    """
+    """Why a stage must not lead: a parameter stands at its bound, or it errs more held out than an earlier one."""
     said = dict(judged.worse)
-    if judged.verdict == "unknown" and not found.effects and any(c.id in _RESIDUAL and not c.ok for c in judged.checks):
-        said |= dict.fromkeys(STAGES[1:], TEXT("absorbs"))
     calibrated = at_bounds(prepared.kind, found.calibrated, [])
     last = (
         at_bounds(prepared.kind, found.augmented, found.effects, found.refinements)
@@ -171,6 +165,16 @@ def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
         if bounds:
             said[stage] = TEXT("bounds", parameters=bounds, n=len(bounds))
     return said
+
+
+def absorbs(judged: Judged, found: Search, errors: Mapping[str, float]) -> bool:
+    """Whether the calibrated model makes up for something that was not found: it leaves more than chance, and records
+    do not exclude the rig file's numbers, by the `errors` of each stage.
+    """
+    beyond = any(check.id in ("residual_size", "held_out") and not check.ok for check in judged.checks)
+    nominal, calibrated = (errors.get(stage, np.nan) for stage in STAGES[:2])
+    excluded = nominal > SET.refuted_unknown * calibrated
+    return judged.verdict == "unknown" and not found.effects and beyond and not excluded
 
 
 def refuted(verdict: str, errors: Mapping[str, float], not_to_lead: Collection[str], unit: str) -> dict[str, str]:

@@ -137,7 +137,7 @@ def _beside(kind: AnyKind, predicted: Predicted, train: Sequence[Record]) -> dic
 
 def _leading(choice: Choice) -> tuple[str, ...]:
     """Which stages may lead a controller, and why others must not."""
-    if not choice.possible:
+    if not (choice.possible or choice.barred):
         return ()
     able = [stage for stage in STAGES if stage not in choice.barred]
     barred = (TEXT("lead.barred", stage=stage, why=why) for stage, why in choice.barred.items())

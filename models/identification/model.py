@@ -127,6 +127,11 @@ class Model:
     misfit: str = field(default="", compare=False)
 
     @property
+    def chooses(self) -> bool:
+        """Whether the file carries a choice of what leads."""
+        return bool(self.possible or self.barred)
+
+    @property
     def members(self) -> tuple[str, ...]:
         """The `possible` models with another effect of a class, which may lead as a stage may."""
         return tuple(name for name in self.possible if not name.startswith(DRAW))

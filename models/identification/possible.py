@@ -48,7 +48,8 @@ def choice_of(
     possible = {**members, **mean, **dict(_draws(prepared, found, seed))}
     if absorbs(judged, found, errors):
         not_to_lead |= dict.fromkeys(STAGES[1:], TEXT("absorbs"))
-        excluded |= dict.fromkeys((*STAGES[1:], *possible), TEXT("absorbs"))
+        excluded |= dict.fromkeys(STAGES[1:], TEXT("absorbs"))
+        possible = {}
     worlds = {**predicted.thetas, **possible}
     left = {name: left_by(prepared.kind, train, theta) for name, theta in worlds.items() if name not in excluded}
     return Choice(possible, not_to_lead, excluded, {name: push for name, push in left.items() if push})

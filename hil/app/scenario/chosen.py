@@ -87,7 +87,7 @@ def leading_of(
     model = None if path is None else model_for(path, kind, known)
     beyond = motion_beyond({} if model is None else model.validity, scenario.reference, scenario.duration_s)
     if model is not None and stage in (None, CHOSEN):
-        if model.possible:
+        if model.chooses:
             names = names_of(usual, kind) if controller is None else [controller]
             with bar(TEXT("choose")) as report:
                 return replace(chosen_of(model, believed, mission_of(scenario), names, report), beyond=beyond)

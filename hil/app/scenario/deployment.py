@@ -204,7 +204,7 @@ def _learned(raw: Mapping[str, Any], folder: Path, known: Catalogue) -> dict[str
     model = read_model(folder / table.file, rig.kind, catalogue=known)
     stage = STAGES[-1] if table.stage == CHOSEN else table.stage
     verdict = judge(read_report(folder / table.report), model, rig, stage=stage)
-    if table.stage == CHOSEN and model.possible:
+    if table.stage == CHOSEN and model.chooses:
         refused = {} if verdict.passed else dict.fromkeys((stage, *model.members), verdict.sentence)
         learned = replace(model, barred={**refused, **model.barred})
         return {"values": model.believed(STAGES[0]), "learned": learned, "covered": model.validity}

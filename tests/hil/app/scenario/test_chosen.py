@@ -125,6 +125,20 @@ def test_a_barred_stage_is_no_candidate_and_the_reason_is_told(
     assert "m.toml: the augmented model must not lead as it is: stenosis.depth is at its bound." in said
 
 
+def test_where_no_fit_may_lead_the_choice_is_among_controllers_of_the_rig_file(tmp_path: Path) -> None:
+    """As close-loop writes it where it found nothing of what is missing."""
+    scenario = replace(scenario_of(tmp_path, ""), duration_s=1.0)
+    why = dict.fromkeys(("calibrated", "augmented"), "it makes up for something.")
+    model = model_of(scenario, {"calibrated": Theta.of({"friction_coefficient": 0.12})}, barred=why, refuted=why)
+    leading = led(scenario, replace(model, possible={}))
+    assert leading.stage == "nominal"
+    assert leading.chosen is not None
+    assert set(leading.chosen.expected) == {"nominal"}
+    again = Model.from_toml(replace(model, possible={}).to_toml())
+    assert again.chooses
+    assert not again.possible
+
+
 def test_worlds_are_what_the_records_leave_possible(tmp_path: Path) -> None:
     scenario = scenario_of(tmp_path, "")
     more = Theta({"friction_coefficient": 0.09})

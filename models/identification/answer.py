@@ -29,7 +29,7 @@ from models.identification.profile import profiles
 from models.identification.residual_dependence import dependence_of
 from models.identification.search.search import Search, limit_of_chance
 from models.identification.settings import SET
-from models.identification.smallest import least_sizes, unshown
+from models.identification.smallest import least_sizes, not_missed, unshown
 from models.identification.steps import Choice, Judged, Predicted, Prepared
 from models.parameter import Name
 from models.records.record import Record
@@ -69,7 +69,7 @@ def answer(
     unexplained, hidden, rng = verdict == "unknown", prepared.hidden, np.random.default_rng(seed)
     records, base = kind.searched(train), kind.nominal() | found.calibrated.theta
     chance = found.threshold, found.null_cost
-    sizes = least_sizes(kind, records, base, *chance) if drawn else {}
+    sizes = not_missed(kind, least_sizes(kind, records, base, *chance), found) if drawn else {}
     much = unshown(kind, sizes) if sizes and verdict == "none" else []
 
     def shows_less(motion: Record) -> frozenset[str]:

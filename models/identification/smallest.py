@@ -12,6 +12,7 @@ from models.identification.fitting.fitter import Fitter
 from models.identification.fitting.horizon import prefixes
 from models.identification.kind import Kind
 from models.identification.search.screening import imitated_by, null_distribution, records_for_null, shapes_of
+from models.identification.search.search import Search
 from models.identification.settings import SET
 from models.records.record import Record
 from models.theta import Theta
@@ -48,6 +49,18 @@ def least_sizes(kind: Kind, records: Sequence[Record], theta: Theta, gain: float
 
     found = zip(kind.effects, each(sized, kind.effects), strict=True)
     return {effect.id: size for effect, size in found if size < np.inf}
+
+
+def not_missed(kind: Kind, sizes: Mapping[str, float], found: Search) -> dict[str, float]:
+    """`sizes`, none below that of a candidate's fit which gained, but less than the search asked for: where slip events
+    move, what a base leaves that is refitted from close by is more than what a search leaves.
+    """
+    larger = dict(sizes)
+    for trial in (trial for *_, trials in found.rounds for trial in trials):
+        if trial.effect in sizes and 0 < trial.gain <= found.threshold:
+            fitted = trial.fitted.thetas[0][trial.effect, kind.declared(trial.effect).amplitude().name]
+            larger[trial.effect] = max(larger[trial.effect], abs(fitted))
+    return larger
 
 
 def unshown(kind: Kind, sizes: Mapping[str, float]) -> list[type[Effect]]:

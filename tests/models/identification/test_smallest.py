@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from models.identification.answer import without_size
+from models.identification.fitting.fit import Fit
 from models.identification.kinds.series.series import SeriesKind
-from models.identification.search.search import search
-from models.identification.smallest import smallest, unshown
+from models.identification.search.candidates import Trial
+from models.identification.search.fitted_model import FittedModel
+from models.identification.search.search import Search, search
+from models.identification.smallest import not_missed, smallest, unshown
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from tests.rig_texts import GUT
@@ -47,3 +50,20 @@ def test_what_no_size_shows_has_none_and_a_reason() -> None:
     assert without_size(kind, sizes).keys() == {"dwell_adhesion"}
     values = {"fold_periodic": 0.01, "dwell_adhesion": 1.0}
     assert [effect.id for effect in unshown(kind, values)] == ["dwell_adhesion"]
+
+
+def test_what_a_search_has_missed_counts_as_not_shown() -> None:
+    """Of the candidates' fits one gained too little, one enough (a rival of what was named), one nothing."""
+    kind, blank = pulls(("viscous_drag", "directional_asymmetry", "fold_periodic"))
+    fit = Fit(kind.nominal(), 1.0, 1, np.zeros((1, 0)), np.zeros(1))
+    fitted = {"viscous_drag": (0.02, 0.3), "directional_asymmetry": (0.2, 0.9), "fold_periodic": (0.3, -0.1)}
+    trials = []
+    for effect in kind.effects:
+        size, gain = fitted[effect.id]
+        theta = kind.nominal().with_(effect.id, {**effect.start(), effect.amplitude().name: size})
+        model = FittedModel(kind, kind.splits(blank), (effect.id,), (theta,) * len(kind.splits(blank)))
+        trials.append(Trial(effect.id, model, np.exp(gain) * model.blocks))
+    found = Search(fit, fit, rounds=[(1, [], trials)], threshold=0.4)
+    sizes = dict.fromkeys(fitted, 0.001)
+    assert not_missed(kind, sizes, found) == {**sizes, "viscous_drag": 0.02}
+    assert not_missed(kind, {"fold_periodic": 0.001}, found) == {"fold_periodic": 0.001}

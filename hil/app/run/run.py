@@ -132,7 +132,7 @@ def chosen_for(deployment: Deployment, model: Model) -> tuple[Deployment, Leadin
     """The deployment with what leads, chosen before its drive is enabled; a controller that its file states stands."""
     control = deployment.control
     stated = "controller" in control.model_fields_set
-    names = [control.controller] if stated else names_of(control.controller, deployment.rig.kind)
+    names = [control.controller] if stated else names_of(control.controller, deployment.rig.kind, model)
     with output_to_notes(), progress_bar(TEXT("run.choosing")) as report:
         believed = Believed(lambda values, _: deployment.believed(values))
         found = chosen_of(model, believed, _mission_of(deployment), names, report)

@@ -88,7 +88,7 @@ def leading_of(
     beyond = motion_beyond({} if model is None else model.validity, scenario.reference, scenario.duration_s)
     if model is not None and stage in (None, CHOSEN):
         if model.chooses:
-            names = names_of(usual, kind) if controller is None else [controller]
+            names = names_of(usual, kind, model) if controller is None else [controller]
             with bar(TEXT("choose")) as report:
                 return replace(chosen_of(model, believed, mission_of(scenario), names, report), beyond=beyond)
         if stage == CHOSEN:
@@ -98,8 +98,9 @@ def leading_of(
     return Leading(values, used, usual if controller is None else controller, None, others, beyond)
 
 
-def names_of(usual: str, kind: str) -> list[str]:
-    return [usual] if DRIVES[kind].shaken else list(dict.fromkeys((*ORDER, usual)))
+def names_of(usual: str, kind: str, model: Model) -> list[str]:
+    """The controllers that are compared: the `usual` one alone where no world would tell it from others."""
+    return [usual] if DRIVES[kind].shaken or not model.possible else list(dict.fromkeys((*ORDER, usual)))
 
 
 def mission_of(scenario: TrackScenario) -> Mission:

@@ -62,7 +62,7 @@ def model_of(scenario: TrackScenario, stages: Mapping[str, Theta], **more: objec
 
 
 def led(scenario: TrackScenario, model: Model, names: list[str] | None = None) -> Leading:
-    usual = names or names_of(scenario.control.controller, scenario.kind)
+    usual = names or names_of(scenario.control.controller, scenario.kind, model)
     return chosen_of(
         model, Believed(partial(believed_model, scenario)), mission_of(scenario), usual, lambda words, share: None
     )
@@ -125,7 +125,7 @@ def test_a_barred_stage_is_no_candidate_and_the_reason_is_told(
     assert "m.toml: the augmented model must not lead as it is: stenosis.depth is at its bound." in said
 
 
-def test_where_no_fit_may_lead_the_choice_is_among_controllers_of_the_rig_file(tmp_path: Path) -> None:
+def test_where_no_fit_may_lead_the_rig_file_leads_under_the_usual_controller(tmp_path: Path) -> None:
     """As close-loop writes it where it found nothing of what is missing."""
     scenario = replace(scenario_of(tmp_path, ""), duration_s=1.0)
     why = dict.fromkeys(("calibrated", "augmented"), "it makes up for something.")
@@ -134,6 +134,7 @@ def test_where_no_fit_may_lead_the_choice_is_among_controllers_of_the_rig_file(t
     assert leading.stage == "nominal"
     assert leading.chosen is not None
     assert set(leading.chosen.expected) == {"nominal"}
+    assert leading.controller == scenario.control.controller
     again = Model.from_toml(replace(model, possible={}).to_toml())
     assert again.chooses
     assert not again.possible

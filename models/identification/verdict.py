@@ -108,6 +108,8 @@ def checks_of_model(
     checks = [_check("bounds", len(at_bounds(kind, found.augmented, found.effects, found.refinements)), 0)]
     if not found.effects:
         checks.append(_check("records", sum(finding.severity == "weakens" for finding in findings), 0))
+        gain = max((trial.gain for *_, trials in found.rounds for trial in trials), default=0.0)
+        checks.append(_check("candidate", max(gain, 0.0), SET.doubted * found.threshold))
     else:
         sizes = [spread.get((name, kind.declared(name).amplitude().name)) for name in found.effects]
         checks.append(_check("effects_told", sum(size is None or not size.identifiable for size in sizes), 0))

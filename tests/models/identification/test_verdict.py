@@ -1,5 +1,8 @@
 """What a finished search allows to say."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -113,6 +116,13 @@ def test_records_that_weaken_a_verdict_or_tell_no_parameter_never_end_in_none() 
     assert said(findings=(finding,)) == ("unknown", {"records"})
     vague = {name: Fitted(value, (0.0, 1e3), identifiable=False) for name, value in THETA.items()}
     assert said(spread=vague) == ("unknown", {"information"})
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(-0.2, set()), (0.1, set()), (0.27, {"candidate"})])
+def test_nothing_is_none_while_a_candidate_gains_beyond_chance(gain: float, expected: set[str]) -> None:
+    trial: Any = SimpleNamespace(gain=gain)
+    found = Search(fit(THETA), fit(THETA), rounds=[(1, [], [trial])], threshold=0.4)
+    assert failed(*checks_of_model(KIND, found, TOLD, {}, ())) == expected
 
 
 def test_a_parameter_at_its_bound_is_told_but_the_zero_of_a_law_is_none() -> None:

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from controller.choice.trial import Mission, Outcome, tried
 from controller.choice.world import Possible, Push
 from controller.drives import envelope_of
 from controller.limits import Limits
-from controller.model.control_model import ControlModel, mean_friction
+from controller.model.control_model import ControlModel
 from controller.step.compiled import compiled
 from models.words.quantities import quantity
 from models.words.sentences import Sentences
@@ -241,8 +241,7 @@ def choose(
     are no candidates.
     """
     most_N = _most_N(candidates[0].model, mission.limits)
-    friction_N = mean_friction(candidates[0].model)  # what a free run lacks adds up over time, and says no more
-    able = {name: replace(p, force_N=min(p.force_N, friction_N)) for name, p in worlds.items() if p.force_N <= most_N}
+    able = {name: push for name, push in worlds.items() if push.force_N <= most_N}
     compared = Comparison(mission, candidates, able or dict.fromkeys(worlds, Push()), world, report)
     leading = compared.best()
     stages = {row.candidate.stage: row for row in sorted(compared.rows, key=lambda row: -row.expected)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
@@ -50,10 +50,8 @@ class FittedModel:
         for (part, held), some in zip(self.splits, starts, strict=True):
             fitter = Fitter.of(self.kind, part, chosen)
             fit = fitter.far(some, seeds=seeds)
-            likely = fitter.allowed(fit) if self.allowed else [fit.theta]
-            found.append(
-                min(likely, key=lambda theta: judged_cost(self.kind, held, theta)) if likely[1:] else fit.theta
-            )
+            likely = fitter.allowed(fit) if self.allowed else []
+            found.append(min(likely, key=partial(judged_cost, self.kind, held), default=fit.theta))
         return self.fitted(found, chosen)
 
     def each(self, fit: Callable[[_Item], FittedModel], items: Sequence[_Item]) -> list[FittedModel]:

@@ -13,9 +13,7 @@ from models.identification.kinds.axis.driven import DrivenAxisKind
 from models.records.record import Record, read_record, record_of
 from models.rigs.reader import parse_rig
 from models.theta import Theta
-from tests.places import SHARED
 
-EMPS = SHARED / "data" / "emps"
 DRIVEN = parse_rig({"rig": {"kind": "axis", "driven": "force_N"}})
 NUMBERS = {"mass_kg": 2.0, "viscous_friction_N_s_per_m": 0.0, "coulomb_friction_N": 3.0, "offset_N": 0.5}
 
@@ -50,11 +48,16 @@ def test_a_push_moves_it_along_its_parabola_and_it_comes_to_rest_where_it_must()
     assert np.ptp(x[t > 0.4 + 0.8 / 1.75 + 0.01]) == 0.0
 
 
-def test_its_run_costs_milliseconds() -> None:
+@pytest.fixture(scope="module")
+def train(shared: Path) -> Path:
+    return shared / "data" / "emps" / "train.csv"
+
+
+def test_its_run_costs_milliseconds(train: Path) -> None:
     """Of 24,841 rows, eight at once, in processor time."""
     import time
 
-    record = read_record(EMPS / "train.csv", DRIVEN)
+    record = read_record(train, DRIVEN)
     kind = kind_for(DRIVEN, [record])
     thetas = [kind.nominal()] * 8
     kind.stacked(record, thetas, 1)
@@ -113,8 +116,8 @@ def test_a_free_swing_is_a_run_without_a_force_and_names_its_gravity() -> None:
 
 
 @pytest.fixture(scope="module")
-def emps() -> tuple[Record, Any, Any]:
-    record = read_record(EMPS / "train.csv", DRIVEN)
+def emps(train: Path) -> tuple[Record, Any, Any]:
+    record = read_record(train, DRIVEN)
     return record, *close(DRIVEN, [record], [], lambda *_: None)
 
 
@@ -134,19 +137,19 @@ def test_emps_runs_free_from_its_force_and_its_effect_is_found(emps: tuple[Recor
     assert off == pytest.approx(error["augmented"], rel=1e-6)
 
 
-def test_a_model_of_one_direction_predicts_in_the_other(emps: tuple[Record, Any, Any]) -> None:
+def test_a_model_of_one_direction_predicts_in_the_other(emps: tuple[Record, Any, Any], train: Path) -> None:
     plain = parse_rig({"rig": {"kind": "axis"}})
-    record = read_record(EMPS / "train.csv", plain)
+    record = read_record(train, plain)
     predicted = emps[2].predict(plain, record)
     off = predicted["force_N"] - record["force_N"]
     assert np.linalg.norm(off) < 0.06 * np.linalg.norm(record["force_N"])
 
 
-def test_a_run_and_the_inverse_dynamics_have_the_same_effects() -> None:
+def test_a_run_and_the_inverse_dynamics_have_the_same_effects(train: Path) -> None:
     """But those of a logged load, and of the drive; an effect's hooks are one declaration."""
-    record = read_record(EMPS / "train.csv", DRIVEN)
+    record = read_record(train, DRIVEN)
     plain = parse_rig({"rig": {"kind": "axis"}})
-    driven, imposed = kind_for(DRIVEN, [record]), kind_for(plain, [read_record(EMPS / "train.csv", plain)])
+    driven, imposed = kind_for(DRIVEN, [record]), kind_for(plain, [read_record(train, plain)])
     ids = {e.id for e in imposed.effects if not {"load", "logged"} & {*e.needs}} - {"presliding"}
     drives = {"actuator_lag", "actuator_saturation", "actuator_dead_zone", "drive_play"}
     assert {effect.id for effect in driven.effects} == ids | drives

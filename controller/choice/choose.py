@@ -258,7 +258,7 @@ def choose(
     led, error = leading.candidate.words, quantity(sum(costs) / len(costs), "m")
     said = [TEXT("why", words=led, error=error, range=spread, others="".join(f", {one}" for one in others))]
     said += [TEXT("broken", n=compared.broken, of=len(leading.outcomes))] if compared.broken else []
-    said += [TEXT("barred", stage=stage, why=reason) for stage, reason in (barred or {}).items()]
+    said += [TEXT("barred", stage=stage, why=reason.rstrip(".")) for stage, reason in (barred or {}).items()]
     lacks = {name: quantity(push.force_N, "N") for name, push in worlds.items() if name not in able}
     said += [TEXT("no_world", world=name, force=force, most=quantity(most_N, "N")) for name, force in lacks.items()]
     return Chosen(leading.candidate.stage, leading.candidate.controller, expected, " ".join(said), compared.broken > 0)

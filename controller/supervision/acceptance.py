@@ -12,6 +12,7 @@ from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.model import Model
+from models.rigs.kinds import drive_of, driven_by
 from models.rigs.rig import Rig
 from models.theta import Theta, spelled
 
@@ -71,7 +72,9 @@ def _bounds(model: Model, rig: Rig, stage: str) -> tuple[str, ...]:
     values = model.stages.get(stage, Theta())
     catalogue = Catalogue.of(rig)
     effects = tuple(catalogue[name] for name in values.effects if name in catalogue)
-    declared = {p.key: p for p in (*kind_for(rig, []).base, *effect_parameters(effects))}
+    driven = driven_by(values)
+    drive = drive_of(rig, driven).parameters() if driven else ()
+    declared = {p.key: p for p in (*kind_for(rig, []).base, *drive, *effect_parameters(effects))}
     unknown = tuple(
         f"parameter must be one of the model's; got {spelled(name)!r}" for name in values if name not in declared
     )

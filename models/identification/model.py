@@ -28,6 +28,7 @@ from models.identification.validity import Ranges, beyond, ranges_of
 from models.parameter import Parameter, nearest
 from models.records.record import Record, named
 from models.rigs.columns import FURTHER
+from models.rigs.kinds import KINDS
 from models.rigs.kinds import named as named_in_file
 from models.rigs.rig import Rig
 from models.rigs.schema import Table
@@ -172,9 +173,11 @@ class Model:
             at = " ".join([f"[{table}]", *keys])
             raise ValueError(f"model {at}: {first['msg'].lower()}; got {shown(first['input'])}"[:200]) from None
         _check_own_effects(file.own_effects, catalogue)
-        stages = {stage: _values(getattr(file, stage), stage, catalogue) for stage in STAGES}
+        stages = {stage: _values(getattr(file, stage), stage, file.kind, catalogue) for stage in STAGES}
         provenance = {key: str(value) for key, value in file.provenance.items()}
-        possible = {name: _values(values, f"possible.{name}", catalogue) for name, values in file.possible.items()}
+        possible = {
+            name: _values(values, f"possible.{name}", file.kind, catalogue) for name, values in file.possible.items()
+        }
         made: dict[str, Any] = {"stages": stages, "provenance": provenance, "possible": possible}
         as_read = file.model_dump(exclude={*STAGES, *made})
         return cls(**made, **as_read, sealed=CHECKSUM in raw, misfit=_misfit(raw))
@@ -226,7 +229,12 @@ class Model:
         for stage, values in {**self.stages, **possible}.items():
             must = f"[{stage}] must have effects that can act on a rig of kind {kind.name}"
             _refuse_strange(must, values.effects, [*effects])
-            own = [(p, p.fit) for p in effect_parameters([effects[name] for name in values.effects])]
+            declared = effect_parameters([effects[name] for name in values.effects])
+            if KINDS[rig.kind].stage:  # bounds go by the size of the records that an effect was found on
+                declared = tuple(replace(p, lower=-np.inf, upper=np.inf) for p in declared)
+            # of several logged loads some may have no part in an effect
+            loaded = {e.id for e in effects.values() if {"load", "logged"} & {*e.needs}}
+            own = [(p, p.fit and not ("per_" in p.name and p.effect in loaded)) for p in declared]
             _check_values(stage, values, [*((p, p not in late) for p in base), *((p, False) for p in late), *own])
 
 
@@ -292,12 +300,13 @@ def _check_own_effects(named: Mapping[str, Mapping[str, str]], catalogue: Catalo
             )
 
 
-def _values(raw: Mapping[str, float], stage: str, catalogue: Catalogue) -> Theta:
+def _values(raw: Mapping[str, float], stage: str, kind: str, catalogue: Catalogue) -> Theta:
     theta = Theta.read(raw)
     for effect, values in theta.effects.items():
         _refuse_strange(f"[{stage}] must name known effects", [effect], [*catalogue])
-        known = [p.name for p in catalogue[effect].parameters()]
-        _refuse_strange(f"[{stage}] {effect} must have parameters of that effect", values, known)
+        if kind not in KINDS or not KINDS[kind].stage:  # an axis has them in units and columns of its own
+            known = [p.name for p in catalogue[effect].parameters()]
+            _refuse_strange(f"[{stage}] {effect} must have parameters of that effect", values, known)
     return theta
 
 

@@ -1,9 +1,10 @@
 """The kinds of rig by their names in a rig file, and the surface and the drive that `models.assembly` takes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Final
 
+from models.drives.coil import Winding
 from models.drives.drive import Drive
 from models.rigs.benches import AXIS, DMA, DRIVEN_AXIS, FRICTION, PERIODS, VIBRO_TABLE
 from models.rigs.capsules import COIL, MAGNETIC, PULL, VIBRO
@@ -58,6 +59,14 @@ def drive_of(rig: Rig, driven: str = "") -> Drive:
         known = ", ".join(name for name, kind in KINDS.items() if kind.of_capsule)
         raise ValueError(f"rig must be of a kind that gives time series of a capsule; got {rig.kind!r}; known: {known}")
     return drive(rig, driven == "coil_voltage_V")
+
+
+def driven_by(values: Collection[object]) -> str:
+    """The driven column of a model that has parameters named `values`, as `drive_of` takes it: a coil's voltage where
+    they have its resistance, "" for the usual one.
+    """
+    voltage = {p.key for p in Winding().parameters()} <= {*values}
+    return "coil_voltage_V" if voltage else ""
 
 
 SURFACES: Final[dict[str, Callable[[Rig], Surface]]] = {

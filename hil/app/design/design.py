@@ -20,6 +20,7 @@ from hil.app.console import answer, output_to_notes, text_table
 from hil.app.design import tables
 from hil.app.design.page import Drawn, design_html, loop_figures, page_html
 from hil.app.design.tables import TEXT
+from hil.app.scenario.model_use import values_of
 from hil.app.scenario.rig_file import read_deployed_rig
 from hil.app.shared_options import Json, LearnedModel, Stage, argument, option
 from hil.app.write import own_folder, write_files
@@ -46,7 +47,7 @@ def design(
 ) -> None:
     belief = read_deployed_rig(rig)
     check_word(stage, "--stage", STAGES)
-    values = Theta() if model is None else read_model(model, belief.kind).believed(stage)
+    values = Theta() if model is None else values_of(model, read_model(model, belief.kind), stage)[0]
     if not 0 <= delay_ms <= LONGEST_DELAY_MS:
         raise ValueError(f"--delay must lie in [0, {LONGEST_DELAY_MS:g}] ms; got {delay_ms:g}")
     title, page = belief.name or rig.stem, None if out is None else out / PAGE

@@ -23,7 +23,7 @@ from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import Model, read_model
 from models.identification.validity import Ranges
 from models.parameter import nearest
-from models.rigs.kinds import KINDS, drive_of, freely, surface_of
+from models.rigs.kinds import KINDS, drive_of, driven_by, freely, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.gut import Drag
 from models.surfaces.surface import TURN, Surface
@@ -56,7 +56,8 @@ class Found:
     def late(self) -> dict[str, str]:
         """Delays of the measurement, which the step does not have: name and why."""
         logged = {name: TEXT("logged") for name in OF_THE_LOG if self.values.get(name)}
-        return logged | {e.id: TEXT("late") for e in self.effects if e.answers("delay")}
+        loaded = {e.id: TEXT("no_load") for e in self.effects if {"load", "logged"} & {*e.needs}}
+        return logged | loaded | {e.id: TEXT("late") for e in self.effects if e.answers("delay")}
 
 
 def read_found(rig: Path, model: Path, stage: str, driven: str = "", catalogue: Catalogue = CATALOGUE) -> Found:
@@ -71,7 +72,8 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "", catalogue: 
     commanded = bool(belief.driven)
     belief = freely(belief, turns=TURN.names[0] in values)
     known = kind_for(belief, []).catalogue
-    effects, drive = tuple(known[name] for name in sorted(values.effects)), drive_of(belief, driven)
+    effects = tuple(known[name] for name in sorted(values.effects))
+    drive = drive_of(belief, driven or driven_by(values))
     if isinstance(drive, AxisForce) and not commanded:
         drive = replace(drive, holds=False)
     found = Found(belief, surface_of(belief), drive, effects, values, stage, learned.validity)
@@ -93,7 +95,8 @@ def _check(found: Found, learned: Model, path: Path) -> None:
         name, value = spelled(p.key), found.values.get(p.key)
         if value is None and p.fit:
             raise ValueError(f"{path}: model [{found.stage}] must have the key {name!r}; it is missing")
-        if value is not None and not p.holds(value):
+        sized = bool(p.effect) and isinstance(found.drive, AxisForce)  # bounds go by the size of the records
+        if value is not None and not sized and not p.holds(value):
             raise ValueError(
                 f"{path}: model [{found.stage}] {name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {value:g}"
             )
@@ -135,7 +138,8 @@ def not_mapped(found: Found) -> dict[str, str]:
     missing = found.late()
     for e in found.effects:
         if not _acts(e):
-            missing.setdefault(e.id, TEXT(f"acts_on.{next(hook for hook in _HOOKS if e.answers(hook))}"))
+            hook = next((f"acts_on.{hook}" for hook in _HOOKS if e.answers(hook)), "in_time")
+            missing.setdefault(e.id, TEXT(hook))
         elif not _steady(e):
             missing[e.id] = TEXT("in_time")
     if found.surface.dragged:

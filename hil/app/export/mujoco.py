@@ -1,5 +1,6 @@
 """A found model's friction as MuJoCo knows friction: a slide joint with frictionloss, damping and armature."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,7 @@ from models.drives.axis_force import AxisForce
 from models.drives.coil import Coil
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
+from models.rigs.kinds import drive_of
 
 Array = NDArray[np.float64]
 _STEP_S: Final = 1e-3  # of MuJoCo's integrator
@@ -30,6 +32,9 @@ def body(found: Found) -> tuple[str, dict[str, float], dict[str, str]]:
     """
     if found.rig.kind not in _KINDS:
         raise ValueError(f"rig.kind must be one of {', '.join(_KINDS)} for mujoco; got {found.rig.kind!r}")
+    wound = found.drive.by_voltage
+    if wound:
+        found = replace(found, drive=drive_of(found.rig))
     table = friction_table(found)
     v, force = table["speed_m_s"], table["force_N"]
     damping, loss = _line(v, force)
@@ -45,6 +50,8 @@ def body(found: Found) -> tuple[str, dict[str, float], dict[str, str]]:
     missing = {name: why for name, why in not_mapped(found).items() if name != "added_mass"}
     missing["friction over position and direction"] = TEXT("curvature", off=numbers["rms_off_N"])
     missing["drive"] = TEXT(f"drive.{found.rig.kind}")
+    if wound:
+        missing["winding"] = TEXT("drive.winding")
     return _mjcf(found, numbers), numbers, missing
 
 

@@ -53,7 +53,8 @@ class Point:
 def check(deployment: Deployment, task: Task, bus: ClockedBus) -> list[Point]:
     """All points. Nothing is sent, so a sensor that samples at SYNC is heard only while something else sends SYNC."""
     verdict, limits = deployment.verdict, limits_point(deployment.limits, deployment.rig.kind)
-    model = Point("model", verdict is None or verdict.passed, verdict.sentence if verdict else TEXT("check.nominal"))
+    unjudged = TEXT("check.nominal" if deployment.learned is None else "check.chosen")
+    model = Point("model", verdict is None or verdict.passed, verdict.sentence if verdict else unjudged)
     heard = _listen(deployment, bus)
     if isinstance(bus.inner, AuthenticatedBus):
         refused = bus.inner.refused

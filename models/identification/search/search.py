@@ -177,12 +177,9 @@ def _named(
             found.before = found.after
         found.rounds.append((number, screened, trials))
         found.note("fitting candidates")
-        gain = _first_gain(kind, found)
-        able = [t for t in trials if np.mean(t.before - t.blocks) > SET.least_drop]
-        wanted = (_wanted(kind, found, t.effect, found.after, t.blocks.mean(), gain) for t in able)
-        best = next((t for t, least in zip(able, wanted, strict=True) if t.gain > least), None)
-        if best is None:
-            found.ended = "form" if able and able[0].gain > found.threshold else "gain"
+        best = next((t for t in trials if np.mean(t.before - t.blocks) > SET.least_drop), None)
+        if best is None or best.gain <= _wanted(kind, found, best, _first_gain(kind, found)):
+            found.ended = "form" if best and best.gain > found.threshold else "gain"
             return model
         found.effects.append(best.effect)
         found.gains[best.effect] = best.gain
@@ -209,15 +206,20 @@ def limit_of_chance(kind: Kind, found: Search) -> float:
     return float(max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)))
 
 
-def _wanted(kind: Kind, found: Search, effect: str, before: float, after: float, gain: float) -> float:
-    """What an `effect` has to gain that takes the cost from `before` to `after`, beside others that gain so much: more
-    than chance; and more than the error of their forms may be, unless they leave more than any known form does, and it
-    explains all of that. Nothing is enough where the error of forms that look like it may be all that is left.
+def _wanted(kind: Kind, found: Search, trial: Trial, gain: float) -> float:
+    """What a `trial` has to gain beside others that gain so much: more than chance; and more than the error of their
+    forms may be, unless they leave more than any known form does, and it explains all of that. Nothing is enough for
+    one that looks like a found curve over the speed where the error of that curve's form may be all that is left.
     """
-    inexact = [kind.declared(name) for name in found.effects if name != effect and not kind.declared(name).exact]
-    alike = sum(found.powers[one.id] for one in inexact if one.looks_like(kind.declared(effect)))
-    if before - found.null_cost < SET.rival_form * alike:
+    effect, above = kind.declared(trial.effect), found.after - found.null_cost
+    curves = [kind.declared(name) for name in found.effects if kind.declared(name).by_speed]
+    if above < SET.rival_form * sum(found.powers[one.id] for one in curves if one.looks_like(effect)):
         return np.inf
+    return _enough(kind, found, found.after, float(trial.blocks.mean()), gain)
+
+
+def _enough(kind: Kind, found: Search, before: float, after: float, gain: float) -> float:
+    """The same for what takes the cost from `before` to `after`, whatever it looks like."""
     left = before - found.null_cost > SET.rival_form * (found.before - found.null_cost)
     whole = left and after < limit_of_chance(kind, found)
     return found.threshold if whole else max(found.threshold, kind.next_share * gain)
@@ -239,7 +241,7 @@ def _test_again(model: FittedModel, found: Search) -> FittedModel:
         best = min(fits, key=attrgetter("cost"))
         known = sum(found.gains[name] for name in rest if model.kind.declared(name).exact)
         rest_alone = max(float(np.log(found.before / best.cost)) - known, 0.0)
-        if np.log(best.cost / found.after) < _wanted(model.kind, found, effect, best.cost, found.after, rest_alone):
+        if np.log(best.cost / found.after) < _enough(model.kind, found, best.cost, found.after, rest_alone):
             found.effects.remove(effect)
             found.dropped.append(effect)
             found.after, model = best.cost, best
@@ -267,6 +269,9 @@ def _compare_rivals(model: FittedModel, found: Search, progress: Progress) -> Fi
         found.doubts += [(effect, model, rival) for rival in alike if rival.effect not in found.effects]
         nearest = min((rival.apart for rival in rivals if not rival.alike), default=SET.never)
         found.score[effect] = float(1 - 0.5 * np.exp(-0.5 * max(nearest, 0.0) ** 2))
+    for effect in found.effects:  # one that replaced others in the last turn
+        found.equivalent.setdefault(effect, ())
+        found.score.setdefault(effect, 0.5)
     return model
 
 

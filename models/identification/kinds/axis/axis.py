@@ -263,14 +263,16 @@ class AxisKind(Kind):
 
 def coordinates_for(rig: Rig, records: Sequence[Record]) -> Coordinates:
     """Those of the `records`, without any those that the rig file states. Raises ValueError where these differ."""
-    c = coordinates_of(records)
+    known = {LINE.position, TURN.position, LINE.force, TURN.force}
+    placed = [record for record in records if known & record.columns.keys()]
+    c = coordinates_of(placed)
     own = {name for one in (LINE, TURN) for name in one.base}
     stated = (name for name, value in rig.axis.model_dump().items() if value is not None and name in own)
     strange = next((name for name in stated if name not in c.base), None)
-    if strange is not None and records:
+    if strange is not None and placed:
         keys = ", ".join(c.base)
         raise ValueError(f"[axis] {strange} must not be there for records with {c.position}, whose keys are {keys}")
-    return TURN if not records and (strange is not None or rig.driven == TURN.force) else c
+    return TURN if not placed and (strange is not None or rig.driven == TURN.force) else c
 
 
 def stated_noise(rig: Rig, c: Coordinates) -> tuple[float | None, float | None]:

@@ -68,7 +68,8 @@ def close(
     train, others = thinned(logged)
     prepared = prepare(rig, train, known, findings)
     check_parts(prepared.kind, train, [*holdout, *others])
-    if (seconds := seconds_of_search(prepared.kind, train)) > budget_s:
+    cut = (seconds := seconds_of_search(prepared.kind, train)) > budget_s
+    if cut:
         train, others = thinned(logged, sum(map(len, train)) * budget_s / seconds)
         seconds = budget_s
     progress(TEXT("estimate", seconds=seconds, rows=sum(map(len, train)), workers=worker_count()), 0.01)
@@ -90,7 +91,7 @@ def close(
     choice = choice_of(prepared, found, predicted, judged, train, seed)
     joining = TEXT("joined", records=[record.name for record in joined]) if joined else ""
     ended = TEXT("statement.ended_time") if found.ended == "time" else ""
-    left_out = " ".join(filter(None, (said_of(logged, train), joining, ended)))
+    left_out = " ".join(filter(None, (said_of(logged, train, cut), joining, ended)))
     finding = answer(prepared, found, predicted, judged, train, seed, choice, drawn, left_out)
     provenance = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = _model(prepared.kind, predicted, judged, provenance, choice, ranges_of(prepared.kind, train))

@@ -52,12 +52,12 @@ def least_sizes(kind: Kind, records: Sequence[Record], theta: Theta, gain: float
 
 
 def not_missed(kind: Kind, sizes: Mapping[str, float], found: Search) -> dict[str, float]:
-    """`sizes`, none below that of a candidate's fit which gained, but less than the search asked for: where slip events
-    move, what a base leaves that is refitted from close by is more than what a search leaves.
+    """`sizes`, none below that of a candidate's fit which gained beyond chance, but less than what names it: where slip
+    events move, what a base leaves that is refitted from close by is more than what a search leaves.
     """
     larger = dict(sizes)
     for trial in (trial for *_, trials in found.rounds for trial in trials):
-        if trial.effect in sizes and 0 < trial.gain <= found.threshold:
+        if trial.effect in sizes and SET.doubted * found.threshold < trial.gain <= found.threshold:
             fitted = trial.fitted.thetas[0][trial.effect, kind.declared(trial.effect).amplitude().name]
             larger[trial.effect] = max(larger[trial.effect], abs(fitted))
     return larger

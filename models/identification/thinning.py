@@ -31,11 +31,11 @@ def thinned(records: Sequence[Record], most: float = SET.most_rows) -> tuple[lis
     return slower([records[k] for k in best], most), slower(others, most * max(len(others), 1) / max(few, 1))
 
 
-def said_of(records: Sequence[Record], kept: Sequence[Record]) -> str:
-    """What was left out of the `records` where these are `kept`, in words; "" if nothing."""
+def said_of(records: Sequence[Record], kept: Sequence[Record], budget: bool) -> str:
+    """What was left out of the `records` where these are `kept`, for a `budget` or not, in words; "" if nothing."""
     rows, left = sum(map(len, records)), sum(map(len, kept))
     fewer = f" {TEXT('fewer', records=len(records), chosen=len(kept))}" if len(kept) < len(records) else ""
-    return TEXT("thinned", rows=rows, kept=left) + fewer if left < rows else ""
+    return TEXT("cut" if budget else "thinned", rows=rows, kept=left) + fewer if left < rows else ""
 
 
 def showing(records: Sequence[Record], count: int) -> list[int]:

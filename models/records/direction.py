@@ -50,6 +50,8 @@ def directed(kind: RigKind, columns: dict[str, Array], rig: Rig) -> tuple[dict[s
     if kind is not DRIVEN_AXIS:
         return columns, ()
     (place,), force = layout.measured, layout.driven[0][0]
+    if rig.driven in _FORCES and rig.driven != force and force in columns:
+        raise ValueError(TEXT("other", force=force, place=place, driven=rig.driven))
     driven = rig.driven or next((name for name in layout.driven[0] if name in columns), "")
     rows = len(next(iter(columns.values())))
     constant = rig.axis.constant(driven) if driven in columns else 0.0

@@ -87,3 +87,13 @@ def test_a_coil_by_voltage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert "the actuator takes the current" in capsys.readouterr().out
     model = Model.from_toml((tmp_path / "model.toml").read_text())
     assert not [why for why in judge({}, model, rig).reasons if "parameter" in why]
+
+
+def test_a_driven_torque_of_a_record_along_a_line_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is no free swing: a force is logged."""
+    moved = {"position_m": 0.1 * np.sin(2 * T), "force_N": np.sign(np.cos(2 * T))}
+    files(tmp_path, '[rig]\nkind = "axis"\ndriven = "torque_N_m"\n', Theta(LINE), moved)
+    assert run(["check", str(tmp_path / "record.csv"), "--rig", str(tmp_path / "rig.toml")]) == 2
+    assert "driven must be force_N for a record with position_m; got torque_N_m" in capsys.readouterr().err

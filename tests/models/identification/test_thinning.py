@@ -19,14 +19,15 @@ def record(name: str, rate_Hz: float, seconds: float, shake_Hz: float = 0.0, eve
 def test_a_short_series_stays_as_it_is() -> None:
     records = [record("a", 500.0, 40.0)]
     assert thinned(records) == (records, [])
-    assert said_of(records, records) == ""
+    assert said_of(records, records, budget=False) == ""
 
 
 @pytest.mark.parametrize("shake_Hz", [0.0, 20.0])
 def test_a_fast_logger_is_thinned_to_what_its_drive_needs(shake_Hz: float) -> None:
     long = record("a", 50_000.0, 40.0, shake_Hz)
     [short], _ = thinned([long])
-    said = said_of([long], [short])
+    said = said_of([long], [short], budget=False)
+    assert "as many as its budget allows" in said_of([long], [short], budget=True)
     rate_Hz = (len(short) - 1) / np.ptp(short["t_s"])
     assert rate_Hz >= max(SET.least_hz, 50 * shake_Hz)
     assert len(short) <= 80_000
@@ -60,7 +61,7 @@ def test_of_many_records_a_search_uses_those_that_show_most() -> None:
     assert {"120", "7", "64"} <= {one.name for one in few}
     assert sorted(int(one.name) for one in [*few, *others]) == list(range(200))
     assert [int(one.name) for one in few] == sorted(int(one.name) for one in few)
-    assert "of 200 records" in said_of(records, few)
+    assert "of 200 records" in said_of(records, few, budget=False)
 
 
 def test_a_budget_leaves_out_records_where_rows_are_as_few_as_they_may_be() -> None:

@@ -69,6 +69,14 @@ def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1
     return float(np.sqrt(np.mean([d * d * share / (1 - share) for share, d in away]))) if away else 0.0
 
 
+def gain_beyond(fit: Fit, k: int) -> float:
+    """Share of the cost of a `fit` that its k-th parameter would take off beyond its bound, others refitted, linearised."""
+    others, column = np.delete(fit.jacobian, k, 1), fit.jacobian[:, k]
+    scale = np.linalg.norm(others, axis=0) + SET.tiny
+    own = column - others @ (np.linalg.lstsq(others / scale, column)[0] / scale)
+    return float((own @ fit.residual) ** 2 / max(float(own @ own) * fit.cost, SET.tiny))
+
+
 def near(value: float, bound: float, p: Parameter) -> bool:
     """Whether `value` stands at the `bound` of `p`: within 0.1 % of itself, or 1e-6 of the range."""
     spread = p.upper - p.lower

@@ -12,7 +12,7 @@ from models.checks.usable import lead_in_s
 from models.identification.finding import STAGES, Check, Fitted
 from models.identification.fitting.fit import Fit, axes, judged_cost
 from models.identification.fitting.horizon import prefixes
-from models.identification.intervals import near
+from models.identification.intervals import gain_beyond, near
 from models.identification.kind import Kind
 from models.identification.rehearsal import Left, left_by, rehearsed
 from models.identification.search.search import Search
@@ -238,7 +238,7 @@ def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str], refinements: Sequenc
         p = axis.parameter
         plain = {0.0, p.value} if p.effect else {0.0}
         bounds = [bound for bound in (p.lower, p.upper) if axis.name in sizes or bound not in plain]
-        if p.effect in refinements and fit.gain_beyond(k) < SET.finer_gain:
+        if p.effect in refinements and gain_beyond(fit, k) < SET.finer_gain:
             continue
         if any(near(fit.theta[axis.name], bound, p) for bound in bounds):
             found.append(spelled(axis.name))

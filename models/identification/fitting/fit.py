@@ -56,13 +56,6 @@ class Fit:
         """Whether noise alone may cause the cost."""
         return bool(self.cost <= scipy.special.chdtri(self.count, 1 - SET.right_leaves))
 
-    def gain_beyond(self, k: int) -> float:
-        """Share of the cost that the k-th parameter would take off beyond its bound, linearised, others refitted."""
-        others, column = np.delete(self.jacobian, k, 1), self.jacobian[:, k]
-        scale = np.linalg.norm(others, axis=0) + SET.tiny
-        own = column - others @ (np.linalg.lstsq(others / scale, column)[0] / scale)
-        return float((own @ self.residual) ** 2 / max(float(own @ own) * self.cost, SET.tiny))
-
     def bare(self) -> "Fit":
         """The fit without Jacobian and residuals, which are large."""
         return replace(self, jacobian=self.jacobian[:0], residual=self.residual[:0])

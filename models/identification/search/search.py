@@ -178,7 +178,7 @@ def _named(
         found.rounds.append((number, screened, trials))
         found.note("fitting candidates")
         best = next((t for t in trials if np.mean(t.before - t.blocks) > SET.least_drop), None)
-        if best is None or best.gain <= _wanted(kind, found, best, _first_gain(kind, found)):
+        if best is None or best.gain <= _wanted(kind, found, best):
             found.ended = "form" if best and best.gain > found.threshold else "gain"
             return model
         found.effects.append(best.effect)
@@ -206,28 +206,24 @@ def limit_of_chance(kind: Kind, found: Search) -> float:
     return float(max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)))
 
 
-def _wanted(kind: Kind, found: Search, trial: Trial, gain: float) -> float:
-    """What a `trial` has to gain beside others that gain so much: more than chance; and more than the error of their
-    forms may be, unless they leave more than any known form does, and it explains all of that. Nothing is enough for
-    one that looks like a found curve over the speed where the error of that curve's form may be all that is left.
+def _wanted(kind: Kind, found: Search, trial: Trial) -> float:
+    """What a `trial` has to gain: more than chance; and more than the error of the found forms may be, unless they
+    leave more than any known form does, and it explains all of that. Nothing is enough for one that looks like a found
+    curve over the speed where the error of that curve's form may be all that is left.
     """
     effect, above = kind.declared(trial.effect), found.after - found.null_cost
     curves = [kind.declared(name) for name in found.effects if kind.declared(name).by_speed]
     if above < SET.rival_form * sum(found.powers[one.id] for one in curves if one.looks_like(effect)):
         return np.inf
-    return _enough(kind, found, found.after, float(trial.blocks.mean()), gain)
+    first = next((gain for name, gain in found.gains.items() if not kind.declared(name).exact), 0.0)
+    return _enough(kind, found, found.after, float(trial.blocks.mean()), first)
 
 
 def _enough(kind: Kind, found: Search, before: float, after: float, gain: float) -> float:
-    """The same for what takes the cost from `before` to `after`, whatever it looks like."""
+    """The same beside effects that gain so much, for what takes the cost from `before` to `after`."""
     left = before - found.null_cost > SET.rival_form * (found.before - found.null_cost)
     whole = left and after < limit_of_chance(kind, found)
     return found.threshold if whole else max(found.threshold, kind.next_share * gain)
-
-
-def _first_gain(kind: Kind, found: Search) -> float:
-    """What the first effect gained whose form may be inexact."""
-    return next((gain for name, gain in found.gains.items() if not kind.declared(name).exact), 0.0)
 
 
 def _test_again(model: FittedModel, found: Search) -> FittedModel:

@@ -70,7 +70,7 @@ def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1
 
 
 def gain_beyond(fit: Fit, k: int) -> float:
-    """Share of the cost of a `fit` that its k-th parameter would take off beyond its bound, others refitted, linearised."""
+    """Share of the cost of `fit` that its k-th parameter takes off beyond its bound, others refitted: linearised."""
     others, column = np.delete(fit.jacobian, k, 1), fit.jacobian[:, k]
     scale = np.linalg.norm(others, axis=0) + SET.tiny
     own = column - others @ (np.linalg.lstsq(others / scale, column)[0] / scale)

@@ -231,7 +231,7 @@ class Model:
             _refuse_strange(must, values.effects, [*effects])
             declared = effect_parameters([effects[name] for name in values.effects])
             if KINDS[rig.kind].stage:  # bounds go by the size of the records that an effect was found on
-                declared = tuple(replace(p, lower=-np.inf, upper=np.inf) for p in declared)
+                declared = tuple(p if p.unit == "1" else replace(p, lower=-np.inf, upper=np.inf) for p in declared)
             # of several logged loads some may have no part in an effect
             loaded = {e.id for e in effects.values() if {"load", "logged"} & {*e.needs}}
             own = [(p, p.fit and not ("per_" in p.name and p.effect in loaded)) for p in declared]

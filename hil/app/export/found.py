@@ -95,7 +95,7 @@ def _check(found: Found, learned: Model, path: Path) -> None:
         name, value = spelled(p.key), found.values.get(p.key)
         if value is None and p.fit:
             raise ValueError(f"{path}: model [{found.stage}] must have the key {name!r}; it is missing")
-        sized = bool(p.effect) and isinstance(found.drive, AxisForce)  # bounds go by the size of the records
+        sized = p.effect and p.unit != "1" and isinstance(found.drive, AxisForce)  # by the size of the records
         if value is not None and not sized and not p.holds(value):
             raise ValueError(
                 f"{path}: model [{found.stage}] {name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {value:g}"

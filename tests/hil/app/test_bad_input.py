@@ -273,7 +273,7 @@ BAD_MODELS = {
     ),
     "effect misspelt": (
         lambda text: text.replace(".asymmetry", ".asymetry"),
-        "got 'asymetry'; did you mean 'asymmetry'?",
+        "got 'directional_asymmetry.asymetry'; did you mean 'directional_asymmetry.asymmetry'?",
     ),
     "effect out of bounds": (
         lambda text: text + '\n"stribeck.excess" = 99.0\n"stribeck.speed_m_s" = 0.01\n',

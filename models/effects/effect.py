@@ -147,6 +147,11 @@ class Effect:
         return cls.id in other.confounders or other.id in cls.confounders
 
     @classmethod
+    def loaded(cls) -> bool:
+        """Whether it takes a logged load, pressure or temperature."""
+        return not {"load", "logged"}.isdisjoint(cls.needs)
+
+    @classmethod
     def start(cls) -> dict[str, float]:
         """The declared values, at which a search without prior knowledge begins."""
         return {p.name: p.value for p in cls.parameters()}

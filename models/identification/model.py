@@ -230,11 +230,10 @@ class Model:
             must = f"[{stage}] must have effects that can act on a rig of kind {kind.name}"
             _refuse_strange(must, values.effects, [*effects])
             declared = effect_parameters([effects[name] for name in values.effects])
-            if KINDS[rig.kind].stage:  # bounds go by the size of the records that an effect was found on
-                declared = tuple(p if p.unit == "1" else replace(p, lower=-np.inf, upper=np.inf) for p in declared)
+            if KINDS[rig.kind].stage:
+                declared = of_any_size(declared)
             # of several logged loads some may have no part in an effect
-            loaded = {e.id for e in effects.values() if {"load", "logged"} & {*e.needs}}
-            own = [(p, p.fit and not ("per_" in p.name and p.effect in loaded)) for p in declared]
+            own = [(p, p.fit and not ("per_" in p.name and effects[p.effect].loaded())) for p in declared]
             _check_values(stage, values, [*((p, p not in late) for p in base), *((p, False) for p in late), *own])
 
 
@@ -264,6 +263,14 @@ def _misfit(raw: Mapping[str, Any]) -> str:
 def _note_unsealed(path: Path) -> None:
     """Said once on standard error."""
     print(f"{path}: model carries no checksum, so it cannot be checked for damage; {SEAL} adds one", file=sys.stderr)
+
+
+def of_any_size(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """The `parameters` of an axis. Bounds of an effect's, but for shares, go by the size of the records that it was
+    found on, and are left out.
+    """
+    sized = (bool(p.effect) and p.unit != "1" for p in parameters)
+    return tuple(replace(p, lower=-np.inf, upper=np.inf) if s else p for p, s in zip(parameters, sized, strict=True))
 
 
 def _check_values(stage: str, values: Theta, declared: Sequence[tuple[Parameter, bool]]) -> None:

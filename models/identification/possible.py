@@ -157,11 +157,8 @@ def barred(prepared: Prepared, found: Search, judged: Judged) -> dict[str, str]:
     """Why a stage must not lead: a parameter stands at its bound, or it errs more held out than an earlier one."""
     said = dict(judged.worse)
     calibrated = at_bounds(prepared.kind, found.calibrated, [])
-    last = (
-        at_bounds(prepared.kind, found.augmented, found.effects, found.refinements)
-        if judged.verdict == "unknown"
-        else []
-    )
+    unknown = judged.verdict == "unknown"
+    last = at_bounds(prepared.kind, found.augmented, found.effects, found.refinements) if unknown else []
     for stage, bounds in (("calibrated", calibrated), ("augmented", last)):
         if bounds:
             said[stage] = TEXT("bounds", parameters=bounds, n=len(bounds))

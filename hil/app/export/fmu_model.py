@@ -1,6 +1,5 @@
 """A found model as an FMU: its step written out in C by CasADi, its parameters FMI parameters."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -41,24 +40,16 @@ def model_unit(name: str, found: Found) -> FmuUnit:
     ]
     step = internal_step(drive, drive.imposed and "string_compliance" not in {e.id for e in found.effects})
     about = TEXT("model", stage=found.stage, kind=found.rig.kind)
-    return FmuUnit(
-        name, about, variables, _header(found, assembly, variables, shown, starts, step), _CORE, step, 20.0, 2e-3
-    )
+    return FmuUnit(name, about, variables, _header(found, assembly, variables, shown, step), _CORE, step, 20.0, 2e-3)
 
 
 def _unit(column: str) -> str:
     return unit_at_end(column)[1] or "1"
 
 
-def _header(
-    found: Found,
-    assembly: Assembly,
-    variables: list[Variable],
-    shown: Mapping[str, str],
-    starts: Mapping[str, str],
-    step: float,
-) -> str:
+def _header(found: Found, assembly: Assembly, variables: list[Variable], shown: dict[str, str], step: float) -> str:
     function, drive = assembly.step, found.drive
+    settable = sum(variable.causality == "parameter" for variable in variables)
     generator = ca.CodeGenerator("step.c")
     generator.add(function)
     follows = [
@@ -69,8 +60,8 @@ def _header(
         "CASADI_SYMBOL_EXPORT": "static",
         "INPUT": 1,
         "OUTPUT": 2,
-        "PARAMETERS_FROM": 1 + len(variables) - len(assembly.parameters) - len(starts),
-        "STARTS": len(starts),
+        "PARAMETERS_FROM": 1 + len(variables) - settable,
+        "STARTS": settable - len(assembly.parameters),
         "STATES": len(assembly.states),
         "STEP_S": step.hex(),
         "HELD": int(drive.stepped),

@@ -20,7 +20,7 @@ from models.files.toml import check_word
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import OF_THE_LOG
-from models.identification.model import Model, read_model
+from models.identification.model import Model, of_any_size, read_model
 from models.identification.validity import Ranges
 from models.parameter import nearest
 from models.rigs.kinds import KINDS, drive_of, driven_by, freely, surface_of
@@ -56,7 +56,7 @@ class Found:
     def late(self) -> dict[str, str]:
         """Delays of the measurement, which the step does not have: name and why."""
         logged = {name: TEXT("logged") for name in OF_THE_LOG if self.values.get(name)}
-        loaded = {e.id: TEXT("no_load") for e in self.effects if {"load", "logged"} & {*e.needs}}
+        loaded = {e.id: TEXT("no_load") for e in self.effects if e.loaded()}
         return logged | loaded | {e.id: TEXT("late") for e in self.effects if e.answers("delay")}
 
 
@@ -91,12 +91,11 @@ def _check(found: Found, learned: Model, path: Path) -> None:
             f"{path}: model [{found.stage}] must have parameters of its rig and effects; got {strange!r};"
             f" {nearest(strange, sorted(known))}"
         )
-    for p in assembly.parameters:
+    for p in of_any_size(assembly.parameters) if isinstance(found.drive, AxisForce) else assembly.parameters:
         name, value = spelled(p.key), found.values.get(p.key)
         if value is None and p.fit:
             raise ValueError(f"{path}: model [{found.stage}] must have the key {name!r}; it is missing")
-        sized = p.effect and p.unit != "1" and isinstance(found.drive, AxisForce)  # by the size of the records
-        if value is not None and not sized and not p.holds(value):
+        if value is not None and not p.holds(value):
             raise ValueError(
                 f"{path}: model [{found.stage}] {name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {value:g}"
             )

@@ -49,7 +49,7 @@ def test_an_effect_in_the_units_and_of_the_size_of_a_turn(tmp_path: Path) -> Non
     written(tmp_path, asked, "fmu", "table", "mujoco")
 
 
-def test_a_current_that_turns_an_axis(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_current_that_turns_an_axis(tmp_path: Path) -> None:
     """Also of a record without its angle."""
     values = Theta({**TURNS, "torque_constant_N_m_per_A": 7.5})
     rig = '[rig]\nkind = "axis"\ndriven = "coil_current_A"\n[axis]\ninertia_kg_m2 = 0.4\n'

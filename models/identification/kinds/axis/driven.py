@@ -147,7 +147,7 @@ class DrivenAxisKind(SeriesKind):
 def _running(c: Coordinates, size: Size | None, catalogue: Catalogue) -> tuple[type[Effect], ...]:
     """The effects that a run has: all but those of logged inputs, and of friction with memory, where nothing sticks."""
     known = candidates(c, size, catalogue, driven=True)
-    return tuple(e for e in known if not ({"load", "logged"} & {*e.needs} or e.answers("direction")))
+    return tuple(e for e in known if not (e.loaded() or e.answers("direction")))
 
 
 @dataclass(frozen=True)
